@@ -1,0 +1,1 @@
+//! Frames of reference and geodesy.

@@ -1,0 +1,11 @@
+//! Satellites: what was observed, where they were, what delays the signal, and the snapshot solution.
+
+pub mod ephemeris;
+pub mod observation;
+pub mod satellite;
+pub mod signal;
+
+pub use ephemeris::{Ephemeris, NavMessage};
+pub use observation::{ObservationEpoch, SatelliteObservation, SignalObservation};
+pub use satellite::{Satellite, SatelliteSet, System};
+pub use signal::Signal;

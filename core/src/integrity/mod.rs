@@ -1,0 +1,7 @@
+//! What a pilot may rely on: phases of flight and their limits, reasons, the verdict.
+
+pub mod phases;
+pub mod verdict;
+
+pub use phases::{Phase, PhaseRequirements};
+pub use verdict::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};

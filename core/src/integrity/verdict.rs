@@ -1,0 +1,259 @@
+//! The verdict on one epoch, and every reason it can have.
+
+use crate::gnss::SatelliteSet;
+
+/// May the position be used?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u8)]
+pub enum Integrity {
+    /// Monitored, no fault, levels within limits.
+    Nominal = 0,
+    /// As nominal, with a faulty satellite excluded.
+    Excluded = 1,
+    /// A fault is present and not excluded: do not use.
+    Alert = 2,
+    /// No trustworthy level, or a level above its limit: do not use.
+    Unavailable = 3,
+}
+
+/// Where the position comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u8)]
+pub enum Mode {
+    /// No position.
+    None = 0,
+    /// One epoch's pseudoranges.
+    Snapshot = 1,
+    /// The tightly coupled filter.
+    Tight = 2,
+}
+
+/// Why a verdict is what it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u8)]
+pub enum Reason {
+    /// Nothing to explain.
+    None = 0,
+    /// Fewer usable satellites than unknowns.
+    TooFewSatellites = 1,
+    /// As many satellites as unknowns: a position, but nothing to test it with.
+    NoRedundancy = 2,
+    /// The satellites' directions leave a direction undetermined.
+    BadGeometry = 3,
+    /// The least-squares iteration did not settle.
+    NoConvergence = 4,
+    /// The position lies outside the space a user of satellites can be in.
+    ImplausiblePosition = 5,
+    /// The test failed and no set of satellites explains it clearly enough to exclude it.
+    FaultNotIsolated = 6,
+    /// The horizontal protection level exceeds the alert limit.
+    HplAboveLimit = 7,
+    /// The vertical protection level exceeds the alert limit.
+    VplAboveLimit = 8,
+    /// The epoch took longer than its budget.
+    DeadlineMissed = 9,
+    /// The monitor has not been configured.
+    NotConfigured = 10,
+}
+
+/// Why there is no protection level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum NoBound {
+    /// There is no position to bound.
+    NoPosition,
+    /// Without redundancy a fault on one satellite moves the position unseen.
+    NoRedundancy,
+    /// One satellite cannot be tested: a fault on it does not show in the residuals.
+    Untestable,
+    /// A detected fault was not excluded.
+    FaultPresent,
+    /// The arithmetic gave no finite number.
+    NotFinite,
+}
+
+/// A protection level, or why there is none. There is no number that means "none".
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ProtectionLevel {
+    /// The bound, m.
+    Bound(f64),
+    /// No bound could be computed.
+    Unavailable(NoBound),
+}
+
+impl ProtectionLevel {
+    /// A bound, or `Unavailable` when the number is not finite.
+    pub fn from_bound(bound_m: f64) -> Self {
+        if bound_m.is_finite() {
+            Self::Bound(bound_m)
+        } else {
+            Self::Unavailable(NoBound::NotFinite)
+        }
+    }
+
+    /// True only for a finite bound below the limit; NaN and `Unavailable` both answer no.
+    pub fn is_within(self, alert_limit_m: f64) -> bool {
+        matches!(self, Self::Bound(level_m) if level_m.is_finite() && level_m < alert_limit_m)
+    }
+
+    /// The bound, m.
+    pub fn bound_m(self) -> Option<f64> {
+        match self {
+            Self::Bound(level_m) => Some(level_m),
+            Self::Unavailable(_) => None,
+        }
+    }
+}
+
+/// The verdict on one epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Verdict {
+    /// May the position be used?
+    pub integrity: Integrity,
+    /// Why.
+    pub reason: Reason,
+    /// Horizontal protection level.
+    pub hpl: ProtectionLevel,
+    /// Vertical protection level.
+    pub vpl: ProtectionLevel,
+    /// Horizontal alert limit, m.
+    pub hal_m: f64,
+    /// Vertical alert limit, m; `None` where the phase has none.
+    pub val_m: Option<f64>,
+    /// Satellites excluded as faulty at this epoch.
+    pub excluded: SatelliteSet,
+    /// Test statistic (weighted sum of squared residuals) of the satellites used, 1.
+    pub statistic: Option<f64>,
+    /// Its threshold, 1.
+    pub threshold: Option<f64>,
+}
+
+impl Verdict {
+    /// No position, for this reason.
+    pub const fn unavailable(reason: Reason, hal_m: f64, val_m: Option<f64>) -> Self {
+        Self {
+            integrity: Integrity::Unavailable,
+            reason,
+            hpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
+            vpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
+            hal_m,
+            val_m,
+            excluded: SatelliteSet::EMPTY,
+            statistic: None,
+            threshold: None,
+        }
+    }
+}
+
+impl Integrity {
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nominal => "nominal",
+            Self::Excluded => "excluded",
+            Self::Alert => "alert",
+            Self::Unavailable => "unavailable",
+        }
+    }
+
+    /// The state of a number in a report frame.
+    pub const fn from_u8(number: u8) -> Option<Self> {
+        Some(match number {
+            0 => Self::Nominal,
+            1 => Self::Excluded,
+            2 => Self::Alert,
+            3 => Self::Unavailable,
+            _ => return None,
+        })
+    }
+
+    /// Whether the position may be used.
+    pub const fn is_usable(self) -> bool {
+        matches!(self, Self::Nominal | Self::Excluded)
+    }
+}
+
+impl Mode {
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Snapshot => "snapshot",
+            Self::Tight => "tight",
+        }
+    }
+
+    /// The mode of a number in a report frame.
+    pub const fn from_u8(number: u8) -> Option<Self> {
+        Some(match number {
+            0 => Self::None,
+            1 => Self::Snapshot,
+            2 => Self::Tight,
+            _ => return None,
+        })
+    }
+}
+
+impl Reason {
+    /// Every reason, in the order of its number in a report frame.
+    pub const ALL: [Self; 11] = [
+        Self::None,
+        Self::TooFewSatellites,
+        Self::NoRedundancy,
+        Self::BadGeometry,
+        Self::NoConvergence,
+        Self::ImplausiblePosition,
+        Self::FaultNotIsolated,
+        Self::HplAboveLimit,
+        Self::VplAboveLimit,
+        Self::DeadlineMissed,
+        Self::NotConfigured,
+    ];
+
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::TooFewSatellites => "too_few_satellites",
+            Self::NoRedundancy => "no_redundancy",
+            Self::BadGeometry => "bad_geometry",
+            Self::NoConvergence => "no_convergence",
+            Self::ImplausiblePosition => "implausible_position",
+            Self::FaultNotIsolated => "fault_not_isolated",
+            Self::HplAboveLimit => "hpl_above_limit",
+            Self::VplAboveLimit => "vpl_above_limit",
+            Self::DeadlineMissed => "deadline_missed",
+            Self::NotConfigured => "not_configured",
+        }
+    }
+
+    /// The reason of a number in a report frame.
+    pub fn from_u8(number: u8) -> Option<Self> {
+        Self::ALL.get(number as usize).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_level_that_is_no_number_is_never_within_a_limit() {
+        assert!(ProtectionLevel::Bound(3.0).is_within(4.0));
+        assert!(!ProtectionLevel::Bound(4.0).is_within(4.0));
+        assert!(!ProtectionLevel::Bound(f64::NAN).is_within(f64::INFINITY));
+        assert!(!ProtectionLevel::from_bound(f64::INFINITY).is_within(f64::INFINITY));
+        assert!(!ProtectionLevel::Unavailable(NoBound::NoPosition).is_within(f64::INFINITY));
+    }
+
+    #[test]
+    fn numbers_in_frames_come_back_as_what_they_were() {
+        for reason in Reason::ALL {
+            assert_eq!(Reason::from_u8(reason as u8), Some(reason));
+        }
+        assert_eq!(Reason::from_u8(Reason::ALL.len() as u8), None);
+    }
+}

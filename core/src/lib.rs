@@ -1,0 +1,40 @@
+//! surefix-core: an integrity monitor for satellite and inertial navigation that runs whole on a
+//! microcontroller.
+//!
+//! The same bytes give the same bits on a PC and on a Cortex-M7: no allocation, no `std`, no
+//! unsafe code, every loop bounded by a capacity, every function of mathematics from `libm`.
+//!
+//! In reading order, which is the order in which data flows:
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`consts`], [`time`], [`linalg`], [`stats`], [`frames`] | numbers: sourced constants, GNSS time, small QR, tails and quantiles, geodesy |
+//! | [`wire`] | bytes to checked messages (RTCM 3, surefix's own frame), and the output frame |
+//! | [`gnss`] | satellites: observation epochs, broadcast orbits and clocks, atmosphere, sigmas, the snapshot solution |
+//! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels |
+//! | [`integrity`] | phases of flight, reasons, the verdict |
+//! | `ingest`, `report` | checked messages to domain types; verdict to output messages |
+//! | `budget` | the stages of an epoch and what each may cost |
+//! | `monitor` | the façade that owns all state |
+#![no_std]
+#![forbid(unsafe_code)]
+#![deny(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::indexing_slicing
+)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod config;
+pub mod consts;
+pub mod frames;
+pub mod gnss;
+pub mod integrity;
+pub mod linalg;
+pub mod raim;
+pub mod stats;
+pub mod time;
+pub mod wire;

@@ -1,0 +1,1 @@
+//! One-epoch integrity tests, exclusion and slope-based protection levels.

@@ -1,0 +1,1 @@
+//! Tails and quantiles of the normal and the chi-square distribution.

@@ -1,0 +1,1 @@
+//! Bytes to checked messages and back. Knows layouts, nothing of navigation.

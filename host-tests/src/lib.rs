@@ -1,0 +1,1 @@
+//! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
