@@ -70,7 +70,8 @@ impl<const N: usize> Ring<N> {
     #[inline]
     pub fn add_lost(&self, count: u32) {
         let lost = self.lost.load(Ordering::Relaxed);
-        self.lost.store(lost.saturating_add(count), Ordering::Relaxed);
+        self.lost
+            .store(lost.saturating_add(count), Ordering::Relaxed);
     }
 
     /// Bytes lost since the start.
