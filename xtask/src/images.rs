@@ -3,10 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::checks::checked;
 use crate::elf::Elf;
 use crate::process::command;
 use crate::stages::Stages;
-use crate::test::checked;
 use crate::workspace::{TARGET, Workspace};
 use crate::{Failure, Result, sizes};
 

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use crate::process::command;
 use crate::stages::Stages;
 use crate::workspace::{TARGET, Workspace};
-use crate::{Failure, Result, images, rules, setup};
+use crate::{Failure, Result, documentation, images, rules, setup};
 
 /// Runs all stages and closes with one summary.
 pub fn run(workspace: &Workspace) -> Result {
@@ -29,7 +29,7 @@ pub fn run(workspace: &Workspace) -> Result {
     images::check(workspace, &mut stages);
     let mut totals = Totals::default();
     stages.run("tests", || tests(workspace, &mut totals));
-    stages.run("documentation", || documentation(workspace));
+    stages.run("documentation", || documentation::check(workspace));
 
     println!("== summary");
     print!("{}", stages.table());
@@ -72,13 +72,6 @@ fn lint(workspace: &Workspace, stages: &mut Stages) {
             checked(&mut call)
         });
     }
-}
-
-fn documentation(workspace: &Workspace) -> Result {
-    let mut call = command(workspace, "cargo");
-    call.args(["doc", "--locked", "--workspace", "--no-deps"])
-        .env("RUSTDOCFLAGS", "-D warnings");
-    checked(&mut call)
 }
 
 /// Unit, integration and documentation tests of the whole workspace, in one host profile.
@@ -124,7 +117,8 @@ pub fn checked(call: &mut Command) -> Result {
     }
 }
 
-fn not_run(call: &Command, why: &str) -> Failure {
+/// A command that did not do its work, and how to repeat it alone.
+pub fn not_run(call: &Command, why: &str) -> Failure {
     let words: Vec<String> = std::iter::once(call.get_program())
         .chain(call.get_args())
         .map(|word| word.to_string_lossy().into_owned())
