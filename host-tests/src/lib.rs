@@ -1,1 +1,3 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
+
+pub mod rinex;
