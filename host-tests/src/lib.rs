@@ -1,1 +1,4 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
+
+pub mod rtcm_encode;
+pub mod simulate;
