@@ -3,13 +3,23 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`setup`] | brings a machine to the point where the rest runs: target, components, QEMU |
+//! | [`checks`], [`stages`] | every check and test, timed, with one summary |
+//! | [`rules`], [`documentation`] | rules of the workspace that no compiler checks |
+//! | [`images`], [`elf`], [`sizes`] | the firmware images and what is in them |
 //! | [`process`] | nested commands: environment, time limits, captured output |
 //! | [`workspace`] | where things are |
 //!
 //! Runs before set-up, with nothing but a host toolchain: standard library only.
 
+mod checks;
+mod documentation;
+mod elf;
+mod images;
 mod process;
+mod rules;
 mod setup;
+mod sizes;
+mod stages;
 mod workspace;
 
 use std::fmt;
@@ -64,6 +74,7 @@ fn main() -> ExitCode {
     let workspace = Workspace::locate();
     let outcome = match words.as_slice() {
         ["setup"] => setup::run(&workspace),
+        ["test"] => checks::run(&workspace),
         ["help" | "--help" | "-h"] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;

@@ -28,6 +28,11 @@ impl Workspace {
         Self { root, target_dir }
     }
 
+    /// True when the recordings and golden numbers lie beside the workspace.
+    pub fn has_recordings(&self) -> bool {
+        self.root.join("../shared").is_dir()
+    }
+
     /// xtask's own corner of the target directory.
     pub fn scratch(&self) -> PathBuf {
         self.target_dir.join("xtask")

@@ -161,16 +161,7 @@ impl KlobucharParameters {
             let amplitude_s = cubic(&self.alpha, semicircles);
             if amplitude_s > 0.0 { amplitude_s } else { 0.0 }
         };
-        let period_s = {
-            let period_s = cubic(&self.beta, semicircles);
-            if !(period_s > MIN_PERIOD_S) {
-                MIN_PERIOD_S
-            } else if period_s < MAX_PERIOD_BDS_S {
-                period_s
-            } else {
-                MAX_PERIOD_BDS_S
-            }
-        };
+        let period_s = cubic(&self.beta, semicircles).clamp(MIN_PERIOD_S, MAX_PERIOD_BDS_S);
         let from_noon_s = local_s - NOON_S;
         let daytime_s = if libm::fabs(from_noon_s) < period_s / 4.0 {
             amplitude_s * libm::cos(2.0 * PI * from_noon_s / period_s)
@@ -186,16 +177,7 @@ impl KlobucharParameters {
 fn gps_pierce_point(at: &SkyPoint) -> (f64, f64, f64) {
     let psi = 0.0137 / (at.elevation_rad / PI + 0.11) - 0.022;
     let (sin_azimuth, cos_azimuth) = libm::sincos(at.azimuth_rad);
-    let latitude = {
-        let latitude = at.lat_rad / PI + psi * cos_azimuth;
-        if latitude > 0.416 {
-            0.416
-        } else if latitude < -0.416 {
-            -0.416
-        } else {
-            latitude
-        }
-    };
+    let latitude = (at.lat_rad / PI + psi * cos_azimuth).clamp(-0.416, 0.416);
     let longitude = at.lon_rad / PI + psi * sin_azimuth / libm::cos(latitude * PI);
     let geomagnetic_latitude = latitude + 0.064 * libm::cos((longitude - 1.617) * PI);
     (latitude, longitude, geomagnetic_latitude)
