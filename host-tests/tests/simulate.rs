@@ -79,10 +79,10 @@ fn simulated_bytes_decode_to_the_simulated_observables() {
                     assert!((station.antenna_ref_point_ecef_y_m - truth.y).abs() < 1e-8);
                     assert!((station.antenna_ref_point_ecef_z_m - truth.z).abs() < 1e-8);
                 }
-                if let Some((_, tow_ns, more, observations)) = observations_of(&message) {
-                    assert_eq!(tow_ns, epoch.observations.time.tow_ns());
-                    decoded.extend(observations);
-                    if !more {
+                if let Some(msm) = observations_of(&message) {
+                    assert_eq!(msm.tow_ns, epoch.observations.time.tow_ns());
+                    decoded.extend(msm.observations);
+                    if !msm.more {
                         break;
                     }
                 }
