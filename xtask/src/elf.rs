@@ -5,6 +5,7 @@
 
 /// A section occupies memory of the running image.
 const SHF_ALLOC: u32 = 2;
+const SHF_WRITE: u32 = 1;
 const SHT_SYMTAB: u32 = 2;
 const SHT_NOBITS: u32 = 8;
 
@@ -30,6 +31,16 @@ impl Section<'_> {
     /// True when the running image has it in flash or RAM.
     pub fn is_loaded(&self) -> bool {
         self.flags & SHF_ALLOC != 0 && self.size_bytes > 0
+    }
+
+    /// True when it occupies RAM.
+    pub fn is_writable(&self) -> bool {
+        self.flags & SHF_WRITE != 0
+    }
+
+    /// True when flash holds its content, also that of variables with an initial value.
+    pub fn is_stored(&self) -> bool {
+        self.kind != SHT_NOBITS
     }
 
     #[cfg(test)]
