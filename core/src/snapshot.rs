@@ -19,13 +19,13 @@ use crate::integrity::{
     Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict,
 };
 use crate::linalg::qr::WhitenedQr;
-use crate::raim::exclusion::{self, MAX_EXCLUSIONS};
+use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
 use crate::raim::slope::{NoLevel, Sensitivity, semi_major_axis_m};
 use crate::raim::thresholds::RaimTable;
 use crate::raim::{RaimError, parity};
 use crate::stats::{StatsError, normal};
 
-const _: () = assert!(MAX_EXCLUSIONS == 3, "Config::check knows the same limit");
+const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
 
 /// Why a monitor could not be configured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,6 +83,7 @@ pub struct SnapshotMonitor {
     workspace: SnapshotWorkspace,
     qr: WhitenedQr,
     sensitivity: Sensitivity,
+    exclusion: ExclusionWorkspace,
     independent_sigma_m: [f64; MAX_SATELLITES],
     common_errors_m: [[f64; MAX_SATELLITES]; 1],
     start: Option<[f64; 3]>,
@@ -97,6 +98,7 @@ impl SnapshotMonitor {
         workspace: SnapshotWorkspace::EMPTY,
         qr: WhitenedQr::EMPTY,
         sensitivity: Sensitivity::EMPTY,
+        exclusion: ExclusionWorkspace::EMPTY,
         independent_sigma_m: [1.0; MAX_SATELLITES],
         common_errors_m: [[0.0; MAX_SATELLITES]],
         start: None,
@@ -219,8 +221,7 @@ impl SnapshotMonitor {
                 let threshold = self.thresholds.threshold(statistic.redundancy);
                 progress.statistic = Some(statistic.sum_of_squares);
                 progress.threshold = threshold;
-                // Written so that NaN fails.
-                let passes = threshold.is_some_and(|limit| statistic.sum_of_squares <= limit);
+                let passes = threshold.is_some_and(|limit| statistic.passes(limit));
                 if passes { Test::Passed } else { Test::Failed }
             }
             Err(RaimError::NoRedundancy { .. }) => Test::Impossible(Reason::NoRedundancy),
@@ -234,13 +235,19 @@ impl SnapshotMonitor {
         if progress.test != Test::Failed {
             return;
         }
-        let found = exclusion::search(&mut self.qr, &self.thresholds, max_exclusions as usize);
+        self.sensitivity.fill(&mut self.qr);
+        let found = exclusion::identify(
+            &self.qr,
+            &self.thresholds,
+            max_exclusions as usize,
+            &mut self.exclusion,
+        );
         let Ok(found) = found else {
             return;
         };
         let mut without = *progress;
         for (row, used) in self.workspace.used_rows().enumerate() {
-            if found.rows().contains(&row) {
+            if found.rows.contains(row) {
                 without.excluded.insert(used.satellite);
             }
         }
