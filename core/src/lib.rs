@@ -28,6 +28,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod budget;
 pub mod config;
 pub mod consts;
 pub mod frames;

@@ -52,6 +52,8 @@ pub enum Kind {
     Report = 16,
     /// How much input was lost and why, out of the monitor.
     Counters = 17,
+    /// The sender has failed and withdraws its output: nothing it sent may be used any longer; empty.
+    OutputInvalid = 18,
 }
 
 impl Kind {
@@ -65,6 +67,7 @@ impl Kind {
             5 => Self::EndOfStream,
             16 => Self::Report,
             17 => Self::Counters,
+            18 => Self::OutputInvalid,
             _ => return None,
         })
     }
