@@ -319,7 +319,7 @@ impl Assembler {
                     Outcome::UsedGives(Event::EndOfStream)
                 }
             }
-            Some(Kind::Report | Kind::Counters) | None => {
+            Some(Kind::Report | Kind::Counters | Kind::OutputInvalid) | None => {
                 count(&mut counters.native_unknown_kind);
                 Outcome::Used
             }
