@@ -1,4 +1,5 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod report;
 pub mod rtcm_encode;
 pub mod simulate;
