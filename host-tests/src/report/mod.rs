@@ -95,6 +95,7 @@ fn page(name: &str, table: &Table, summary: Option<&Value>) -> String {
             ),
         ),
         ("{{verdicts}}", verdicts(&figures)),
+        ("{{brief}}", brief(&figures)),
         ("{{figures}}", figure_table(&figures, table.has_errors)),
         ("{{stretches}}", stretch_table(&figures)),
         ("{{exclusions}}", exclusion_table(&figures)),
@@ -214,6 +215,54 @@ fn verdicts(figures: &Figures) -> String {
         );
     }
     html
+}
+
+/// When satellites were excluded and when the position was not to be used, in a line each.
+fn brief(figures: &Figures) -> String {
+    const SHOWN: usize = 6;
+    let list = |mut entries: Vec<String>| {
+        let hidden = entries.len().saturating_sub(SHOWN);
+        entries.truncate(SHOWN);
+        let mut text = if entries.is_empty() {
+            "none".to_owned()
+        } else {
+            entries.join(" · ")
+        };
+        if hidden > 0 {
+            let _ = write!(text, " · and {hidden} more below");
+        }
+        text
+    };
+    let exclusions = figures
+        .exclusions
+        .iter()
+        .map(|(name, from_s, to_s, _)| {
+            format!(
+                "<b>{}</b> {}–{}",
+                escape(name),
+                clock(*from_s),
+                clock(*to_s)
+            )
+        })
+        .collect();
+    let in_state = |state: &str| {
+        figures
+            .stretches
+            .iter()
+            .filter(|stretch| stretch.integrity == state)
+            .map(|stretch| {
+                let reason = stretch.reason.replace('_', " ");
+                let (from, to) = (clock(stretch.from_s), clock(stretch.to_s));
+                format!("{from}–{to} {}", escape(&reason))
+            })
+            .collect()
+    };
+    format!(
+        "<dl><dt>excluded</dt><dd>{}</dd><dt>alert</dt><dd>{}</dd><dt>unavailable</dt><dd>{}</dd></dl>",
+        list(exclusions),
+        list(in_state("alert")),
+        list(in_state("unavailable"))
+    )
 }
 
 fn metres(value: Option<f64>) -> String {

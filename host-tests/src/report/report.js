@@ -203,27 +203,36 @@
     g.beginPath();
     const lone = [];
     if (to - from > 3 * b.w) {
-      // More epochs than columns: each column from its smallest to its largest value.
-      let px = null, lo = 0, hi = 0, first = 0, last = 0, open = false, before = NaN;
-      const flush = () => {
-        if (px === null) return;
-        if (open) g.lineTo(px, yOf(first)); else g.moveTo(px, yOf(first));
-        g.lineTo(px, yOf(lo)); g.lineTo(px, yOf(hi)); g.lineTo(px, yOf(last));
-        if (lo === hi && !open) lone.push([px, yOf(lo)]);
-        open = true; px = null;
-      };
+      // More epochs than columns: a band from the smallest to the largest value of each column,
+      // and their mean as the line.
+      const columns = [];
+      let c = null, before = NaN, broken = true;
       for (let i = from; i < to; i++) {
         const v = values[i];
-        const gap = T[i] - before > 1.6 * step;
-        if (!(v === v) || gap) { flush(); open = false; if (!(v === v)) continue; }
+        if (!(v === v)) { broken = true; continue; }
+        if (T[i] - before > 1.6 * step) broken = true;
         before = T[i];
         const x = Math.round(xOf(p, T[i]) * 2) / 2;
-        if (px !== x) { flush(); px = x; lo = hi = first = v; }
-        if (v < lo) lo = v;
-        if (v > hi) hi = v;
-        last = v;
+        if (!c || c.x !== x || broken) { c = { x, lo: v, hi: v, sum: 0, n: 0, broken }; columns.push(c); }
+        if (v < c.lo) c.lo = v;
+        if (v > c.hi) c.hi = v;
+        c.sum += v;
+        c.n++;
+        broken = false;
       }
-      flush();
+      g.globalAlpha = 0.3;
+      for (const k of columns) {
+        const top = yOf(k.hi), bottom = yOf(k.lo);
+        if (bottom - top > 1) g.fillRect(k.x - 0.25, top, 0.5, bottom - top);
+      }
+      g.globalAlpha = 1;
+      columns.forEach((k, at) => {
+        const y = yOf(k.sum / k.n);
+        if (k.broken) {
+          g.moveTo(k.x, y);
+          if (at + 1 === columns.length || columns[at + 1].broken) lone.push([k.x, y]);
+        } else g.lineTo(k.x, y);
+      });
     } else {
       let open = false;
       for (let i = from; i < to; i++) {
@@ -286,7 +295,8 @@
         else if (limits[1] > 0) above = "limit " + number(limits[1]) + " above the picture";
         hi = Math.max(hi, 1e-9);
         lo = Number.isFinite(lo) ? lo : hi / 10;
-        lo = Math.max(lo, hi / 1e5);
+        // Three and a half decades; what is smaller lies on the lower edge.
+        lo = Math.max(lo, hi / 3e3);
         lo = Math.pow(10, Math.floor(Math.log10(lo) * 2) / 2);
         hi = Math.pow(10, Math.ceil(Math.log10(hi * 1.1) * 4) / 4);
       } else {
@@ -297,7 +307,7 @@
       }
       clipped.textContent = above;
       const yOf = log
-        ? (v) => b.y + b.h - Math.log(Math.max(v, lo * 0.5) / lo) / Math.log(hi / lo) * b.h
+        ? (v) => b.y + b.h - Math.log(Math.max(v, lo) / lo) / Math.log(hi / lo) * b.h
         : (v) => b.y + b.h - (v - lo) / (hi - lo) * b.h;
       // Grid and labels of the value axis.
       g.font = font(11);
@@ -310,7 +320,7 @@
         const marks = decades > 3.2 ? [1] : decades > 1.6 ? [1, 3] : [1, 2, 5];
         for (let e = Math.floor(Math.log10(lo)) - 1; e <= Math.log10(hi) + 1; e++) for (const m of marks) ticks.push(m * Math.pow(10, e));
       } else {
-        ticks = niceSteps(lo, hi, Math.max(3, Math.floor(b.h / 38)));
+        ticks = niceSteps(lo, hi, Math.max(4, Math.floor(b.h / 32)));
       }
       timeAxis(g, p);
       let lastY = Infinity;
@@ -333,7 +343,7 @@
       overlay(g, p);
     };
     p.read = (i) => {
-      for (const l of p.values) l.out.textContent = i === null ? "" : number(l.values[i]) + (spec.unit === "1" || spec.unit === "" ? "" : "\u2009" + spec.unit);
+      for (const l of p.values) l.out.textContent = i === null ? "" : (spec.whole && l.values[i] === l.values[i] ? String(l.values[i]) : number(l.values[i])) + (spec.unit === "1" || spec.unit === "" ? "" : "\u2009" + spec.unit);
     };
     panels.push(p);
   }
@@ -344,6 +354,12 @@
     const rowHeight = spec.rowHeight;
     p.height = spec.rows.length * rowHeight + TOP + BOTTOM;
     for (const key of spec.keys || []) addKey(p.caption, key[0], key[1], "block");
+    for (const text of spec.legend || []) {
+      const key = document.createElement("span");
+      key.className = "key";
+      key.textContent = text;
+      p.caption.append(key);
+    }
     const readout = document.createElement("span");
     readout.className = "key";
     const value = document.createElement("b");
@@ -352,14 +368,14 @@
     p.draw = () => {
       const g = prepare(p), b = p.box;
       timeAxis(g, p);
-      g.font = font(Math.min(11, rowHeight));
+      g.font = font(Math.min(11, rowHeight - 2));
       g.textBaseline = "middle";
       g.textAlign = "right";
       spec.rows.forEach((row, k) => {
         const y = b.y + k * rowHeight;
         if (row.rule && k > 0) {
           g.strokeStyle = colour.line;
-          g.beginPath(); g.moveTo(b.x - 52, y + 0.5); g.lineTo(b.x + b.w, y + 0.5); g.stroke();
+          g.beginPath(); g.moveTo(b.x, y + 0.5); g.lineTo(b.x + b.w, y + 0.5); g.stroke();
         }
         g.fillStyle = colour.soft;
         g.fillText(row.label, b.x - 7, y + rowHeight / 2 + 0.5, LEFT - 9);
@@ -367,7 +383,7 @@
         g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip();
         for (const layer of row.layers) {
           g.fillStyle = colour[layer.css];
-          const inset = layer.inset === undefined ? rowHeight * 0.22 : layer.inset;
+          const inset = layer.inset === undefined ? rowHeight * 0.3 : layer.inset;
           for (const [from, to] of layer.ranges) {
             if (T[to - 1] < view[0] || T[from] > view[1]) continue;
             const x0 = xOf(p, T[from]), x1 = xOf(p, T[to - 1] + step);
@@ -410,7 +426,7 @@
     p.canvas.setAttribute("aria-label", name + ": error against protection level");
     p.height = 300;
     const inView = document.createElement("span");
-    inView.className = "key";
+    inView.className = "key line";
     p.caption.append(inView);
     p.draw = () => {
       const g = prepare(p), b = p.box;
@@ -425,7 +441,7 @@
       }
       inView.textContent = count + " epochs, " + over + " with the error above the level";
       if (!count) { lo = 0.1; hi = 10; }
-      lo = Math.pow(10, Math.floor(Math.log10(Math.max(lo, hi / 1e4)) * 2) / 2);
+      lo = Math.pow(10, Math.floor(Math.log10(Math.max(lo, hi / 1e3)) * 2) / 2);
       hi = Math.pow(10, Math.ceil(Math.log10(hi * 1.15) * 4) / 4);
       const span = Math.log(hi / lo);
       const X = (v) => b.x + Math.log(Math.max(v, lo) / lo) / span * b.w;
@@ -497,29 +513,19 @@
     const k = D.states.indexOf(s);
     return { label: s === "unavailable" ? "unavail." : s, layers: [{ css: s, ranges: k < 0 ? [] : rangesWhere((i) => col.state[i] === k), inset: 2 }] };
   });
+  // Reasons have rows a, b, … below the states; the caption says which is which.
+  const reasonNames = [];
   D.reasons.forEach((r, k) => {
     if (r === "none" || r === "") return;
-    stateRows.push({ label: "", name: words(r), rule: false, reason: true, layers: [{ css: "unavailable", ranges: rangesWhere((i) => col.reason[i] === k), inset: 4 }] });
+    const letter = String.fromCharCode(97 + reasonNames.length);
+    stateRows.push({ label: letter, rule: !reasonNames.length, layers: [{ css: "soft", ranges: rangesWhere((i) => col.reason[i] === k), inset: 4 }] });
+    reasonNames.push(letter + "\u2002" + words(r));
   });
-  const reasonRows = stateRows.filter((r) => r.reason);
+  const reasonAt = (i) => { const r = D.reasons[col.reason[i]]; return r === "none" || r === "" ? "" : words(r); };
   stripPanel(main, {
-    name: "Integrity", rowHeight: 16, rows: stateRows.filter((r) => !r.reason),
-    read: (i) => D.states[col.state[i]] + (D.reasons[col.reason[i]] === "none" ? "" : ": " + words(D.reasons[col.reason[i]])),
+    name: "Integrity", rowHeight: 15, rows: stateRows, legend: reasonNames,
+    read: (i) => D.states[col.state[i]] + (reasonAt(i) ? ": " + reasonAt(i) : ""),
   });
-  if (reasonRows.length) {
-    const ids = reasonRows.map((r, k) => ({ ...r, label: String.fromCharCode(97 + k) }));
-    stripPanel(main, {
-      name: "Reasons", rowHeight: 14, rows: ids,
-      keys: [], read: (i) => words(D.reasons[col.reason[i]]),
-    });
-    const caption = panels[panels.length - 1].caption;
-    ids.forEach((r) => {
-      const key = document.createElement("span");
-      key.className = "key";
-      key.textContent = r.label + "  " + r.name;
-      caption.insertBefore(key, caption.lastChild);
-    });
-  }
 
   linePanel(main, {
     name: "Horizontal", unit: "m", log: true, note: D.truth ? "" : "no truth given",
@@ -545,7 +551,7 @@
     ],
   });
   linePanel(main, {
-    name: "Satellites", unit: "", log: false, height: 110,
+    name: "Satellites", unit: "", log: false, height: 110, whole: true,
     lines: [
       { name: "received", values: col.nvis, css: "soft", width: 1, steps: true },
       { name: "used", values: col.nsat, css: "level", width: 1.5, steps: true },
@@ -561,7 +567,7 @@
     const inRange = (ranges, i) => ranges.some(([a, b]) => i >= a && i < b);
     stripPanel(main, {
       name: D.hasUsed ? "Satellites used and excluded" : "Satellites excluded",
-      rowHeight: 11, rows,
+      rowHeight: 12, rows,
       keys: D.hasUsed ? [["used", "level"], ["excluded", "alert"]] : [["excluded", "alert"]],
       read: (i) => {
         const out = D.sats.filter((s) => inRange(s.out, i)).map((s) => s.id);
