@@ -1,1 +1,6 @@
 //! Frames of reference and geodesy.
+//!
+//! e is the Earth-centred, Earth-fixed frame (ECEF: x to latitude 0 longitude 0, z to the north pole);
+//! enu is east, north, up at a point of the WGS-84 ellipsoid.
+
+pub mod geodesy;

@@ -413,7 +413,7 @@ fn check_degrees(degrees_of_freedom: u32) -> Result<(), StatsError> {
 }
 
 fn check_noncentrality(noncentrality: f64) -> Result<(), StatsError> {
-    if noncentrality >= 0.0 && noncentrality <= MAX_NONCENTRALITY {
+    if (0.0..=MAX_NONCENTRALITY).contains(&noncentrality) {
         Ok(())
     } else {
         Err(StatsError::NoncentralityOutOfRange { noncentrality })

@@ -44,7 +44,7 @@ pub const MIN_PROBABILITY: f64 = 1e-300;
 
 /// Refuses what is no probability strictly between nothing and certainty; NaN refuses.
 fn check_probability(probability: f64) -> Result<f64, StatsError> {
-    if probability >= MIN_PROBABILITY && probability < 1.0 {
+    if (MIN_PROBABILITY..1.0).contains(&probability) {
         Ok(probability)
     } else {
         Err(StatsError::ProbabilityOutOfRange { probability })
