@@ -1,5 +1,7 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod report;
+pub mod qemu;
 pub mod faults;
 pub mod qemu;
 pub mod rinex;
