@@ -3,6 +3,9 @@
 pub mod faults;
 pub mod output;
 pub mod replay;
+pub mod qemu;
+pub mod qemu;
+pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;
 pub mod settings;

@@ -13,7 +13,7 @@
 //!
 //! Equations: Bowring's iteration [BOWRING-1976] → [`to_llh`]; the ellipsoid's parametric form
 //! [NGA.STND.0036] 4.1 → [`to_ecef`]. Keys: docs/references.md.
-//! Accuracy: a round trip stays within four roundings of the radius (3e-9 m at the ground, 3e-8 m at
+//! Accuracy: a round trip stays within four roundings of the radius (4e-9 m at the ground, 3e-8 m at
 //! 40,000 km) from 5,000 km below the surface up, the poles included.
 
 use crate::consts::{WGS84_A_M, WGS84_F};
