@@ -13,7 +13,7 @@
 //! | [`gnss`] | satellites: observation epochs, broadcast orbits and clocks, atmosphere, sigmas, the snapshot solution |
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels |
 //! | [`integrity`] | phases of flight, reasons, the verdict |
-//! | `ingest`, `report` | checked messages to domain types; verdict to output messages |
+//! | [`ingest`], `report` | checked messages to domain types; verdict to output messages |
 //! | `budget` | the stages of an epoch and what each may cost |
 //! | `monitor` | the façade that owns all state |
 #![no_std]
@@ -28,13 +28,18 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod budget;
 pub mod config;
 pub mod consts;
 pub mod frames;
 pub mod gnss;
+pub mod ingest;
 pub mod integrity;
 pub mod linalg;
+pub mod monitor;
 pub mod raim;
+pub mod report;
+pub mod snapshot;
 pub mod stats;
 pub mod time;
 pub mod wire;

@@ -1,2 +1,20 @@
+//! surefix on a Cortex-M7: what the images share.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | [`ring`] | receiver interrupt to worker, lock-free |
+//! | `board` | registers, memory, clocks and UARTs of the board chosen by feature |
+//! | `worker` | ring to monitor to output |
+//! | `fault` | panic and fault handlers: the output becomes invalid, then the chip resets |
+//!
+//! The application is `bin/surefix.rs`. On a PC only [`ring`] exists, so that the whole workspace
+//! checks there.
 #![cfg_attr(target_os = "none", no_std)]
-//! surefix on a Cortex-M7.
+
+#[cfg(target_os = "none")]
+pub mod board;
+#[cfg(target_os = "none")]
+pub mod fault;
+pub mod ring;
+#[cfg(target_os = "none")]
+pub mod worker;

@@ -1,11 +1,22 @@
 //! Satellites: what was observed, where they were, what delays the signal, and the snapshot solution.
 
+pub mod atmosphere;
+pub mod clock;
 pub mod ephemeris;
+pub mod klobuchar;
+pub mod measurement;
+mod normals;
 pub mod observation;
+pub mod orbit;
 pub mod satellite;
 pub mod signal;
+pub mod solution;
+pub mod store;
+pub mod weights;
 
 pub use ephemeris::{Ephemeris, NavMessage};
+pub use klobuchar::{BroadcastIonosphere, KlobucharParameters};
 pub use observation::{ObservationEpoch, SatelliteObservation, SignalObservation};
 pub use satellite::{Satellite, SatelliteSet, System};
 pub use signal::Signal;
+pub use store::{EphemerisReason, EphemerisStore};

@@ -62,17 +62,32 @@ pub enum Reason {
 /// Why there is no protection level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u8)]
 pub enum NoBound {
     /// There is no position to bound.
-    NoPosition,
+    NoPosition = 0,
     /// Without redundancy a fault on one satellite moves the position unseen.
-    NoRedundancy,
+    NoRedundancy = 1,
     /// One satellite cannot be tested: a fault on it does not show in the residuals.
-    Untestable,
+    Untestable = 2,
     /// A detected fault was not excluded.
-    FaultPresent,
+    FaultPresent = 3,
     /// The arithmetic gave no finite number.
-    NotFinite,
+    NotFinite = 4,
+}
+
+impl NoBound {
+    /// The cause of a number in a report frame.
+    pub const fn from_u8(number: u8) -> Option<Self> {
+        Some(match number {
+            0 => Self::NoPosition,
+            1 => Self::NoRedundancy,
+            2 => Self::Untestable,
+            3 => Self::FaultPresent,
+            4 => Self::NotFinite,
+            _ => return None,
+        })
+    }
 }
 
 /// A protection level, or why there is none. There is no number that means "none".

@@ -1,0 +1,299 @@
+//! What surefix says of an epoch, and its frame on the wire.
+//!
+//! The frame is fixed in length: every field is always there, and presence bits tell which of them
+//! hold a value. The host turns it into a row of `epochs.csv`, whether it came from a PC or from a
+//! board. Layout: docs/native-frame.md.
+
+use crate::gnss::satellite::SatelliteSet;
+use crate::gnss::{System, solution::SATELLITE_REASONS};
+use crate::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
+use crate::time::GpsTime;
+use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
+
+/// A position and what goes with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fix {
+    /// Position, ECEF, m.
+    pub r_e_m: [f64; 3],
+    /// Geodetic latitude, WGS-84, degrees.
+    pub lat_deg: f64,
+    /// Longitude, degrees.
+    pub lon_deg: f64,
+    /// Height above the WGS-84 ellipsoid, m.
+    pub h_m: f64,
+    /// Velocity east, north, up, m/s; `None` where no Doppler was measured.
+    pub velocity_enu_mps: Option<[f64; 3]>,
+    /// Receiver clock minus each system's time, m, in the order of [`System::ALL`].
+    pub clock_m: [Option<f64>; System::ALL.len()],
+}
+
+/// What to know of an epoch besides its verdict.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct ReportFlags {
+    /// The receiver announced more messages for the epoch than arrived.
+    pub incomplete: bool,
+    /// Satellites or signals were left out because the epoch was full.
+    pub overflow: bool,
+    /// The week is not known yet.
+    pub week_unknown: bool,
+    /// Klobuchar was asked for and no parameters were received: no correction, larger sigma.
+    pub no_broadcast_ionosphere: bool,
+    /// The receiver reset its clock.
+    pub clock_reset: bool,
+}
+
+impl ReportFlags {
+    /// Names in files, in the order of the bits.
+    pub const NAMES: [&'static str; 5] = [
+        "incomplete",
+        "overflow",
+        "week_unknown",
+        "no_broadcast_ionosphere",
+        "clock_reset",
+    ];
+
+    /// One bit each, in the order of [`ReportFlags::NAMES`].
+    pub const fn bits(self) -> u8 {
+        self.incomplete as u8
+            | (self.overflow as u8) << 1
+            | (self.week_unknown as u8) << 2
+            | (self.no_broadcast_ionosphere as u8) << 3
+            | (self.clock_reset as u8) << 4
+    }
+
+    /// Inverse of [`ReportFlags::bits`].
+    pub const fn from_bits(bits: u8) -> Self {
+        Self {
+            incomplete: bits & 1 != 0,
+            overflow: bits & 2 != 0,
+            week_unknown: bits & 4 != 0,
+            no_broadcast_ionosphere: bits & 8 != 0,
+            clock_reset: bits & 16 != 0,
+        }
+    }
+}
+
+/// Everything surefix says of one epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EpochReport {
+    /// Time of the epoch; its week counts only without [`ReportFlags::week_unknown`].
+    pub time: GpsTime,
+    /// Since the first epoch of the stream, ns.
+    pub since_first_ns: i64,
+    /// Where the position comes from.
+    pub mode: Mode,
+    /// The position, if there is one.
+    pub fix: Option<Fix>,
+    /// What to think of it.
+    pub verdict: Verdict,
+    /// Satellites in the position.
+    pub used: SatelliteSet,
+    /// Satellites observed.
+    pub n_observed: u8,
+    /// Satellites observed and not used, by reason, in the order of `SatelliteReason`.
+    pub unused: [u8; SATELLITE_REASONS],
+    /// What else to know.
+    pub flags: ReportFlags,
+}
+
+/// Bytes of a report frame, header and CRC included.
+pub const REPORT_FRAME_LENGTH: usize = 512;
+
+const HAS_FIX: u16 = 1 << 0;
+const HAS_VELOCITY: u16 = 1 << 1;
+const HAS_CLOCK: [u16; System::ALL.len()] = [1 << 2, 1 << 3, 1 << 4];
+const HAS_VAL: u16 = 1 << 5;
+const HAS_STATISTIC: u16 = 1 << 6;
+const HAS_THRESHOLD: u16 = 1 << 7;
+
+/// Why a report payload was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReportError {
+    /// The payload is too short, or holds a number that is not finite.
+    Payload(ReadError),
+    /// A number stands for no state, mode or reason.
+    UnknownCode {
+        /// The number.
+        code: u8,
+    },
+}
+
+impl From<ReadError> for ReportError {
+    fn from(error: ReadError) -> Self {
+        Self::Payload(error)
+    }
+}
+
+/// Writes the report as one frame of [`Kind::Report`]; returns its length.
+///
+/// # Errors
+/// [`Full`] when `out` is shorter than [`REPORT_FRAME_LENGTH`].
+#[inline(never)]
+pub fn encode(report: &EpochReport, out: &mut [u8]) -> Result<usize, Full> {
+    native::encode(Kind::Report, out, |writer| write_payload(report, writer))
+}
+
+fn write_payload(report: &EpochReport, writer: &mut Writer<'_>) -> Result<(), Full> {
+    let verdict = &report.verdict;
+    let mut present = 0;
+    if let Some(fix) = &report.fix {
+        present |= HAS_FIX;
+        if fix.velocity_enu_mps.is_some() {
+            present |= HAS_VELOCITY;
+        }
+        for (clock, bit) in fix.clock_m.iter().zip(HAS_CLOCK) {
+            if clock.is_some() {
+                present |= bit;
+            }
+        }
+    }
+    if verdict.val_m.is_some() {
+        present |= HAS_VAL;
+    }
+    if verdict.statistic.is_some() {
+        present |= HAS_STATISTIC;
+    }
+    if verdict.threshold.is_some() {
+        present |= HAS_THRESHOLD;
+    }
+    writer.put_u16(present)?;
+    writer.put_u8(report.flags.bits())?;
+    writer.put_u8(report.mode as u8)?;
+    writer.put_u8(verdict.integrity as u8)?;
+    writer.put_u8(verdict.reason as u8)?;
+    writer.put_u8(report.n_observed)?;
+    writer.put_i64(report.time.ns())?;
+    writer.put_i64(report.since_first_ns)?;
+    let fix = report.fix.unwrap_or(Fix {
+        r_e_m: [0.0; 3],
+        lat_deg: 0.0,
+        lon_deg: 0.0,
+        h_m: 0.0,
+        velocity_enu_mps: None,
+        clock_m: [None; System::ALL.len()],
+    });
+    for value in fix.r_e_m {
+        writer.put_f64(value)?;
+    }
+    writer.put_f64(fix.lat_deg)?;
+    writer.put_f64(fix.lon_deg)?;
+    writer.put_f64(fix.h_m)?;
+    for value in fix.velocity_enu_mps.unwrap_or([0.0; 3]) {
+        writer.put_f64(value)?;
+    }
+    for value in fix.clock_m {
+        writer.put_f64(value.unwrap_or(0.0))?;
+    }
+    for level in [verdict.hpl, verdict.vpl] {
+        let (code, bound_m) = match level {
+            ProtectionLevel::Bound(bound_m) => (0, bound_m),
+            ProtectionLevel::Unavailable(why) => (1 + why as u8, 0.0),
+        };
+        writer.put_u8(code)?;
+        writer.put_f64(bound_m)?;
+    }
+    writer.put_f64(verdict.hal_m)?;
+    writer.put_f64(verdict.val_m.unwrap_or(0.0))?;
+    writer.put_f64(verdict.statistic.unwrap_or(0.0))?;
+    writer.put_f64(verdict.threshold.unwrap_or(0.0))?;
+    for set in [report.used, verdict.excluded] {
+        for mask in set.masks() {
+            writer.put_u64(mask)?;
+        }
+    }
+    for count in report.unused {
+        writer.put_u8(count)?;
+    }
+    Ok(())
+}
+
+/// Reads the payload of a [`Kind::Report`] frame.
+///
+/// # Errors
+/// [`ReportError`] when it is too short, holds a number that is not finite, or an unknown code.
+pub fn decode(payload: &[u8]) -> Result<EpochReport, ReportError> {
+    let mut reader = Reader::new(payload);
+    let present = reader.u16()?;
+    let has = |bit: u16| present & bit != 0;
+    let flags = ReportFlags::from_bits(reader.u8()?);
+    let mode = coded(reader.u8()?, Mode::from_u8)?;
+    let integrity = coded(reader.u8()?, Integrity::from_u8)?;
+    let reason = coded(reader.u8()?, Reason::from_u8)?;
+    let n_observed = reader.u8()?;
+    let time = GpsTime::from_ns(reader.i64()?);
+    let since_first_ns = reader.i64()?;
+    let r_e_m = three(&mut reader)?;
+    let [lat_deg, lon_deg, h_m] = three(&mut reader)?;
+    let velocity_enu_mps = three(&mut reader)?;
+    let clock_m = three(&mut reader)?;
+    let hpl = level(&mut reader)?;
+    let vpl = level(&mut reader)?;
+    let hal_m = reader.f64()?;
+    let val_m = reader.f64()?;
+    let statistic = reader.f64()?;
+    let threshold = reader.f64()?;
+    let used = set(&mut reader)?;
+    let excluded = set(&mut reader)?;
+    let mut unused = [0; SATELLITE_REASONS];
+    for count in &mut unused {
+        *count = reader.u8()?;
+    }
+    let mut clocks = [None; System::ALL.len()];
+    for ((clock, value), bit) in clocks.iter_mut().zip(clock_m).zip(HAS_CLOCK) {
+        *clock = has(bit).then_some(value);
+    }
+    Ok(EpochReport {
+        time,
+        since_first_ns,
+        mode,
+        fix: has(HAS_FIX).then_some(Fix {
+            r_e_m,
+            lat_deg,
+            lon_deg,
+            h_m,
+            velocity_enu_mps: has(HAS_VELOCITY).then_some(velocity_enu_mps),
+            clock_m: clocks,
+        }),
+        verdict: Verdict {
+            integrity,
+            reason,
+            hpl,
+            vpl,
+            hal_m,
+            val_m: has(HAS_VAL).then_some(val_m),
+            excluded,
+            statistic: has(HAS_STATISTIC).then_some(statistic),
+            threshold: has(HAS_THRESHOLD).then_some(threshold),
+        },
+        used,
+        n_observed,
+        unused,
+        flags,
+    })
+}
+
+fn coded<T>(code: u8, from: impl Fn(u8) -> Option<T>) -> Result<T, ReportError> {
+    from(code).ok_or(ReportError::UnknownCode { code })
+}
+
+fn three(reader: &mut Reader<'_>) -> Result<[f64; 3], ReadError> {
+    Ok([reader.f64()?, reader.f64()?, reader.f64()?])
+}
+
+fn set(reader: &mut Reader<'_>) -> Result<SatelliteSet, ReadError> {
+    Ok(SatelliteSet::from_masks([
+        reader.u64()?,
+        reader.u64()?,
+        reader.u64()?,
+    ]))
+}
+
+fn level(reader: &mut Reader<'_>) -> Result<ProtectionLevel, ReportError> {
+    let code = reader.u8()?;
+    let bound_m = reader.f64()?;
+    if code == 0 {
+        return Ok(ProtectionLevel::Bound(bound_m));
+    }
+    coded(code, |code| NoBound::from_u8(code.wrapping_sub(1))).map(ProtectionLevel::Unavailable)
+}

@@ -1,0 +1,62 @@
+//! The board, chosen by feature. Every board offers the same names:
+//!
+//! | name | what it is |
+//! |---|---|
+//! | `NVIC_PRIO_BITS`, `Interrupt`, `interrupt` | what RTIC asks a device crate for; interrupts are named after their use |
+//! | `start()` | clocks and UARTs on; hands out [`Ports`] |
+//! | `Receiver` | bytes from the GNSS receiver, interrupt-driven |
+//! | `Transmitter` | bytes out, waiting for room |
+//! | `Acknowledge` | tells a sender that honours it how much was taken |
+//! | `Cycles` | the cycle counter handed to core |
+//! | `emergency_output()` | the output port for handlers that never return |
+
+#[cfg(feature = "board-mps2")]
+mod mps2;
+#[cfg(feature = "board-mps2")]
+pub use mps2::*;
+
+#[cfg(feature = "board-h743")]
+mod h743;
+#[cfg(feature = "board-h743")]
+pub use h743::*;
+
+pub mod log;
+pub mod memory;
+pub mod stack;
+
+/// The devices of a started board, each with one owner.
+pub struct Ports {
+    /// Bytes of the GNSS receiver.
+    pub receiver: Receiver,
+    /// The output frames.
+    pub output: Transmitter,
+    /// Flow control towards a host that replays faster than real time.
+    pub acknowledge: Acknowledge,
+    /// The cycle counter.
+    pub cycles: Cycles,
+}
+
+/// One entry of the vector table.
+#[derive(Clone, Copy)]
+#[repr(C)]
+pub union Vector {
+    handler: unsafe extern "C" fn(),
+    reserved: u32,
+}
+
+unsafe extern "C" {
+    fn RECEIVER();
+    fn WORKER();
+    fn DefaultHandler();
+}
+
+/// A table that sends the two interrupts of the application to their handlers and all others to
+/// cortex-m-rt's default handler.
+const fn vector_table<const N: usize>(receiver: Interrupt, worker: Interrupt) -> [Vector; N] {
+    let mut table = [Vector {
+        handler: DefaultHandler,
+    }; N];
+    table[receiver as usize] = Vector { handler: RECEIVER };
+    table[worker as usize] = Vector { handler: WORKER };
+    table
+}

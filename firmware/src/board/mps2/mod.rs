@@ -1,0 +1,68 @@
+//! QEMU's mps2-an500: a Cortex-M7 with double-precision FPU, CMSDK timers and UARTs.
+//!
+//! | QEMU `-serial` | base | use |
+//! |---|---|---|
+//! | 0 | 0x40004000 | receiver bytes in |
+//! | 1 | 0x40005000 | output frames |
+//! | 2 | 0x40006000 | defmt log |
+//! | 3 | 0x40007000 | acknowledgements for the replaying host |
+//!
+//! Sources: ARM DAI 0500 (AN500) memory map; ARM DDI 0479 (CMSDK) 4.3 UART, 4.1 timer.
+
+mod clock;
+mod uart;
+
+pub use clock::{Cycles, instructions, ticks};
+pub use uart::{Acknowledge, Receiver, Transmitter};
+
+use super::{Ports, Vector, vector_table};
+use cortex_m_rt as _; // the reset code and the vectors
+
+/// Priority bits of the NVIC that RTIC may use.
+pub const NVIC_PRIO_BITS: u8 = 3;
+
+/// The interrupts of the application.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u16)]
+pub enum Interrupt {
+    /// A byte of the receiver: UART0 RX.
+    RECEIVER = 0,
+    /// Pended by software to run the worker: the line of the Ethernet chip, which is not used.
+    WORKER = 13,
+}
+pub use Interrupt as interrupt;
+
+// SAFETY: both numbers are NVIC lines of the board, below the 32 of the vector table.
+unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
+    fn number(self) -> u16 {
+        self as u16
+    }
+}
+
+/// The vectors after the exceptions.
+// SAFETY: the name is the one cortex-m-rt keeps, the section the one it places after the
+// exceptions; every entry is a handler.
+#[unsafe(link_section = ".vector_table.interrupts")]
+#[unsafe(no_mangle)]
+pub static __INTERRUPTS: [Vector; 32] = vector_table(Interrupt::RECEIVER, Interrupt::WORKER);
+
+/// Starts timer and UARTs. For `init`, once.
+pub fn start() -> Ports {
+    clock::start();
+    Ports {
+        receiver: Receiver::start(),
+        output: Transmitter::start(uart::OUTPUT),
+        acknowledge: Acknowledge::start(),
+        cycles: Cycles::start(),
+    }
+}
+
+/// The log port; defmt's logger owns it.
+pub(super) fn log_output() -> Transmitter {
+    Transmitter::start(uart::LOG)
+}
+
+/// The output port, for a handler that never returns to whoever owned it.
+pub fn emergency_output() -> Transmitter {
+    Transmitter::start(uart::OUTPUT)
+}

@@ -1,0 +1,262 @@
+//! The simulator: a sky, a flight, a receiver, and the RTCM 3 bytes it would send.
+//!
+//! `surefix simulate NAME --seed N --out DIR` writes
+//!
+//! | file | content |
+//! |---|---|
+//! | `receiver.rtcm3` | MSM7 1077, 1097, 1127 per epoch, ephemerides 1019, 1042, 1045, 1046, station 1006 |
+//! | `truth.csv` | antenna position and velocity in Earth-fixed axes, one row per epoch |
+//! | `scenario.toml` | what was simulated |
+
+pub mod atmosphere;
+pub mod flight;
+pub mod noise;
+pub mod orbit;
+pub mod receiver;
+pub mod sky;
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use surefix_core::gnss::System;
+use surefix_core::time::{GpsTime, NS_PER_S};
+
+use crate::rtcm_encode::{encode_ephemeris, encode_epoch, encode_station};
+use flight::Flight;
+use receiver::{Conditions, Epoch, Receiver};
+
+/// Time of week of the first epoch, s: ten minutes past a reference time of the ephemerides.
+const START_TOW_S: i64 = 274_200;
+/// Ephemerides are repeated this often, s; a satellite's own also when it rises or is updated.
+const EPHEMERIS_INTERVAL_S: i64 = 30;
+
+/// Arguments of `surefix simulate`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Which flight.
+    pub name: Flight,
+    /// Seed of everything random.
+    #[arg(long)]
+    pub seed: u64,
+    /// Directory to write to; made if absent.
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Epochs per second.
+    #[arg(long, default_value_t = 1.0)]
+    pub rate_hz: f64,
+    /// Length in seconds; the approach is 240 s, a fixed receiver 600 s unless told otherwise.
+    #[arg(long)]
+    pub duration: Option<f64>,
+    /// No noise, multipath or signal-in-space error.
+    #[arg(long)]
+    pub noise_free: bool,
+    /// A second signal per satellite: L2, E5b, B3I.
+    #[arg(long)]
+    pub dual_frequency: bool,
+    /// A vacuum: no troposphere.
+    #[arg(long)]
+    pub no_troposphere: bool,
+}
+
+/// What a simulation produced.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Simulation {
+    /// `receiver.rtcm3`.
+    pub rtcm3: Vec<u8>,
+    /// `truth.csv`.
+    pub truth_csv: String,
+    /// `scenario.toml`.
+    pub scenario_toml: String,
+    /// Number of epochs.
+    pub epochs: usize,
+}
+
+/// The conditions that arguments ask for.
+pub fn conditions(args: &Args) -> Conditions {
+    Conditions {
+        seed: args.seed,
+        noise_free: args.noise_free,
+        dual_frequency: args.dual_frequency,
+        ionosphere: false,
+        troposphere: !args.no_troposphere,
+    }
+}
+
+/// The epochs that arguments ask for, before encoding.
+pub fn epochs(args: &Args) -> Result<Receiver> {
+    if !(0.01..=50.0).contains(&args.rate_hz) {
+        bail!("--rate-hz {} is not between 0.01 and 50", args.rate_hz);
+    }
+    let duration_s = args.duration.unwrap_or(args.name.usual_duration_s());
+    if !(0.0..=172_800.0).contains(&duration_s) {
+        bail!("--duration {duration_s} is not between 0 and 172800 s");
+    }
+    let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;
+    Ok(Receiver::new(
+        args.name,
+        conditions(args),
+        GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S),
+        duration_s,
+        interval_ms * 1_000_000,
+    ))
+}
+
+/// Simulates in memory.
+pub fn simulate(args: &Args) -> Result<Simulation> {
+    let mut simulation = Simulation {
+        rtcm3: Vec::new(),
+        truth_csv: "t_s,week,tow_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\n".to_owned(),
+        scenario_toml: String::new(),
+        epochs: 0,
+    };
+    let mut sent = Vec::new();
+    let mut first = None;
+    for epoch in epochs(args)? {
+        let time = epoch.observations.time;
+        let start = *first.get_or_insert(time);
+        let repeat = time.ns() - start.ns();
+        let due = repeat % (EPHEMERIS_INTERVAL_S * NS_PER_S) == 0;
+        if due && args.name == Flight::Static {
+            let station = epoch.antenna.position_e_m;
+            simulation.rtcm3.extend(encode_station(station.into())?);
+        }
+        send_ephemerides(&mut simulation.rtcm3, &epoch, due, &mut sent)?;
+        simulation
+            .rtcm3
+            .extend(encode_epoch(&epoch.observations, |satellite| {
+                let place = epoch
+                    .observations
+                    .satellites
+                    .iter()
+                    .position(|s| s.satellite == satellite);
+                place
+                    .and_then(|k| epoch.lock_ms.get(k))
+                    .copied()
+                    .unwrap_or(0)
+            })?);
+        truth_row(&mut simulation.truth_csv, &epoch, time.seconds_since(start))?;
+        simulation.epochs += 1;
+    }
+    simulation.scenario_toml = scenario_toml(args, simulation.epochs);
+    Ok(simulation)
+}
+
+/// Sends the ephemerides of tracked satellites: all when `due`, otherwise only those not sent yet.
+fn send_ephemerides(
+    bytes: &mut Vec<u8>,
+    epoch: &Epoch,
+    due: bool,
+    sent: &mut Vec<(surefix_core::gnss::Satellite, GpsTime)>,
+) -> Result<()> {
+    for ephemeris in &epoch.ephemerides {
+        let key = (ephemeris.satellite, ephemeris.toe);
+        if !due && sent.contains(&key) {
+            continue;
+        }
+        bytes.extend(encode_ephemeris(ephemeris)?);
+        if ephemeris.satellite.system() == System::Galileo {
+            bytes.extend(encode_ephemeris(&sky::galileo_fnav(ephemeris))?);
+        }
+        if !sent.contains(&key) {
+            sent.push(key);
+        }
+    }
+    Ok(())
+}
+
+fn truth_row(csv: &mut String, epoch: &Epoch, t_s: f64) -> Result<()> {
+    let time = epoch.observations.time;
+    let (p, v) = (epoch.antenna.position_e_m, epoch.antenna.velocity_e_mps);
+    writeln!(
+        csv,
+        "{t_s},{},{},{},{},{},{},{},{}",
+        time.week(),
+        time.tow_s(),
+        p.x,
+        p.y,
+        p.z,
+        v.x,
+        v.y,
+        v.z
+    )?;
+    Ok(())
+}
+
+fn scenario_toml(args: &Args, epochs: usize) -> String {
+    let (latitude_deg, longitude_deg, height_m) = flight::THRESHOLD;
+    let noise = if args.noise_free {
+        "noise_free = true\n".to_owned()
+    } else {
+        format!(
+            "noise_free = false\n\
+             signal_in_space_sigma_m = {}   # one constant per satellite\n\
+             thermal_sigma_m = \"0.36 - 0.21 sin(elevation)\"   # white, DO-229 J.2.4\n\
+             multipath_sigma_m = \"0.13 + 0.53 exp(-elevation/10 deg)\"   # Gauss-Markov, DO-229 J.2.4\n\
+             multipath_tau_s = {}\n\
+             range_rate_sigma_mps = {}\n\
+             phase_sigma_m = {}\n",
+            receiver::SIGNAL_IN_SPACE_SIGMA_M,
+            receiver::MULTIPATH_TAU_S,
+            receiver::RANGE_RATE_SIGMA_MPS,
+            receiver::PHASE_SIGMA_M,
+        )
+    };
+    format!(
+        "# Written by `surefix simulate`; the same arguments give the same files.\n\
+         flight = \"{}\"\n\
+         seed = {}\n\
+         epochs = {epochs}\n\
+         rate_hz = {}\n\
+         first_epoch = {{ week = {}, tow_s = {START_TOW_S} }}   # GPST\n\
+         threshold = {{ lat_deg = {latitude_deg}, lon_deg = {longitude_deg}, h_m = {height_m} }}\n\
+         tracking_mask_deg = {}\n\
+         signals = \"{}\"\n\
+         ionosphere = \"none\"\n\
+         troposphere = \"{}\"\n\
+         {noise}\n\
+         [files]\n\
+         receiver = \"receiver.rtcm3\"   # RTCM 3: MSM7, 1019, 1042, 1045, 1046, 1006\n\
+         truth = \"truth.csv\"   # antenna at the instant of each measurement, Earth-fixed axes\n",
+        args.name.name(),
+        args.seed,
+        args.rate_hz,
+        sky::WEEK,
+        receiver::TRACKING_MASK_DEG,
+        if args.dual_frequency {
+            "GPS 1C 2W, Galileo 1C 7Q, BDS 2I 6I"
+        } else {
+            "GPS 1C, Galileo 1C, BDS 2I"
+        },
+        if args.no_troposphere {
+            "none"
+        } else {
+            "Saastamoinen, standard atmosphere, relative humidity 0.7"
+        },
+    )
+}
+
+/// Runs `surefix simulate`.
+pub fn run(args: &Args) -> Result<()> {
+    let simulation = simulate(args)?;
+    std::fs::create_dir_all(&args.out)
+        .with_context(|| format!("cannot make the directory {}", args.out.display()))?;
+    let files: [(&str, &[u8]); 3] = [
+        ("receiver.rtcm3", &simulation.rtcm3),
+        ("truth.csv", simulation.truth_csv.as_bytes()),
+        ("scenario.toml", simulation.scenario_toml.as_bytes()),
+    ];
+    for (name, content) in files {
+        let path = args.out.join(name);
+        std::fs::write(&path, content)
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    println!(
+        "{}: {} epochs, {} bytes of RTCM 3 in {}",
+        args.name.name(),
+        simulation.epochs,
+        simulation.rtcm3.len(),
+        args.out.join("receiver.rtcm3").display()
+    );
+    Ok(())
+}

@@ -1,0 +1,154 @@
+//! The simulator's bytes are genuine RTCM 3, say what was simulated, and repeat with their seed.
+
+use rtcm_rs::Message;
+use rtcm_rs::prelude::MsgFrameIter;
+use surefix_core::consts::SPEED_OF_LIGHT_MPS;
+use surefix_core::gnss::orbit::position_velocity;
+use surefix_core::gnss::{Satellite, SignalObservation, System};
+use surefix_host_tests::rtcm_encode::{ephemeris_of, observations_of, quantise};
+use surefix_host_tests::simulate::flight::Flight;
+use surefix_host_tests::simulate::orbit::{clock_offset_s, position_frozen_e};
+use surefix_host_tests::simulate::sky::{Sky, WEEK, galileo_fnav};
+use surefix_host_tests::simulate::{Args, epochs, simulate};
+
+fn args(name: Flight, seed: u64) -> Args {
+    Args {
+        name,
+        seed,
+        out: "unused".into(),
+        rate_hz: 1.0,
+        duration: None,
+        noise_free: false,
+        dual_frequency: true,
+        no_troposphere: false,
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
+    let mut short = args(Flight::Approach, 7);
+    short.duration = Some(20.0);
+    let first = simulate(&short).unwrap();
+    assert_eq!(first, simulate(&short).unwrap());
+    short.seed = 8;
+    let other = simulate(&short).unwrap();
+    assert_ne!(first.rtcm3, other.rtcm3);
+}
+
+#[test]
+fn ephemerides_of_the_sky_are_what_their_bits_hold() {
+    for slot in Sky::new().slots() {
+        for issue in [0, 1, 38, 83] {
+            let ephemeris = slot.broadcast(issue);
+            assert_eq!(quantise(&ephemeris), ephemeris, "{}", slot.satellite);
+            if slot.satellite.system() == System::Galileo {
+                let fnav = galileo_fnav(&ephemeris);
+                let [bgd_e5a_s, bgd_e5b_s] = ephemeris.group_delay_s;
+                assert_eq!(
+                    fnav.af0_s - fnav.group_delay_s[0],
+                    ephemeris.af0_s - bgd_e5b_s
+                );
+                assert_eq!(fnav.group_delay_s[0], bgd_e5a_s);
+            }
+        }
+    }
+}
+
+/// Acceptance 8: bytes decode in rtcm-rs to the same observables, within half a step of MSM7.
+#[test]
+fn simulated_bytes_decode_to_the_simulated_observables() {
+    for flight in [Flight::Approach, Flight::Static] {
+        let args = args(flight, 3);
+        let bytes = simulate(&args).unwrap().rtcm3;
+        let mut iterator = MsgFrameIter::new(&bytes);
+        let mut frames = &mut iterator;
+        let mut compared = 0;
+        for epoch in epochs(&args).unwrap() {
+            let mut decoded: Vec<(Satellite, SignalObservation)> = Vec::new();
+            for frame in frames.by_ref() {
+                let message = frame.get_message();
+                if let Some(ephemeris) = ephemeris_of(&message, WEEK) {
+                    let simulated = epoch
+                        .ephemerides
+                        .iter()
+                        .find(|e| e.satellite == ephemeris.satellite)
+                        .unwrap();
+                    assert!(ephemeris == *simulated || ephemeris == galileo_fnav(simulated));
+                }
+                if let Message::Msg1006(station) = &message {
+                    let truth = epoch.antenna.position_e_m;
+                    assert!((station.antenna_ref_point_ecef_x_m - truth.x).abs() < 1e-8);
+                    assert!((station.antenna_ref_point_ecef_y_m - truth.y).abs() < 1e-8);
+                    assert!((station.antenna_ref_point_ecef_z_m - truth.z).abs() < 1e-8);
+                }
+                if let Some(msm) = observations_of(&message) {
+                    assert_eq!(msm.tow_ns, epoch.observations.time.tow_ns());
+                    decoded.extend(msm.observations);
+                    if !msm.more {
+                        break;
+                    }
+                }
+            }
+            let simulated: Vec<_> = epoch
+                .observations
+                .satellites
+                .iter()
+                .flat_map(|s| s.signals.iter().map(|signal| (s.satellite, *signal)))
+                .collect();
+            assert_eq!(decoded.len(), simulated.len());
+            let light_ms_m = SPEED_OF_LIGHT_MPS / 1000.0;
+            for (satellite, s) in simulated {
+                let (_, d) = decoded
+                    .iter()
+                    .find(|(other, d)| *other == satellite && d.signal == s.signal)
+                    .unwrap();
+                let range_step_m = light_ms_m / f64::from(1 << 29);
+                let range_m = d.pseudorange_m.unwrap() - s.pseudorange_m.unwrap();
+                assert!(
+                    range_m.abs() <= 0.51 * range_step_m,
+                    "{satellite} {range_m}"
+                );
+                let wavelength_m =
+                    SPEED_OF_LIGHT_MPS / s.signal.frequency_hz(satellite.system()).unwrap();
+                let phase_step_m = light_ms_m / f64::from(1_u32 << 31);
+                let phase_m = wavelength_m
+                    * (d.carrier_phase_cycles.unwrap() - s.carrier_phase_cycles.unwrap());
+                assert!(
+                    phase_m.abs() <= 0.51 * phase_step_m,
+                    "{satellite} {phase_m}"
+                );
+                let rate_mps = d.range_rate_mps.unwrap() - s.range_rate_mps.unwrap();
+                assert!(rate_mps.abs() <= 0.51e-4, "{satellite} {rate_mps}");
+                assert_eq!(d.cn0_dbhz, s.cn0_dbhz);
+                compared += 1;
+            }
+        }
+        assert!(frames.next().is_none());
+        println!("{}: {compared} observations compared", flight.name());
+        assert!(compared > 10_000);
+    }
+}
+
+/// Two evaluations of the same elements that share no code: the receiver's in rotating axes at
+/// transmission, the simulator's in axes frozen at reception.
+#[test]
+fn the_receivers_orbits_are_the_simulators() {
+    let mut worst_m: f64 = 0.0;
+    for slot in Sky::new().slots() {
+        for issue in [0, 38, 83] {
+            let ephemeris = slot.broadcast(issue);
+            for since_toe_s in [-3600.0, -612.5, 0.0, 1234.567, 3600.0] {
+                let core = position_velocity(&ephemeris, since_toe_s).unwrap();
+                let reference = position_frozen_e(&ephemeris, since_toe_s, since_toe_s);
+                let difference = reference - nalgebra::Vector3::from(core.r_e_m);
+                worst_m = worst_m.max(difference.norm());
+                let clock_s = clock_offset_s(&ephemeris, since_toe_s, since_toe_s);
+                let polynomial_s = ephemeris.af0_s + ephemeris.af1_sps * since_toe_s;
+                let core_s = polynomial_s + core.relativity_s;
+                assert!((clock_s - core_s).abs() < 1e-15, "{}", slot.satellite);
+            }
+        }
+    }
+    println!("largest difference of two orbit evaluations: {worst_m:.2e} m");
+    assert!(worst_m < 1e-6, "{worst_m}");
+}
