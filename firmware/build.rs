@@ -34,16 +34,9 @@ fn main() {
         manifest.parent().expect("the workspace").display()
     );
 
-    for image in ["surefix", "bench"] {
-        for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
-            println!("cargo:rustc-link-arg-bin={image}={argument}");
-        }
+    for argument in ["-Tlink.x", "-Tdefmt.x", "--nmagic"] {
+        println!("cargo:rustc-link-arg-bins={argument}");
     }
-    println!("cargo:rerun-if-changed=no_panic.x");
-    println!(
-        "cargo:rustc-link-arg-bin=no_panic=-T{}",
-        manifest.join("no_panic.x").display()
-    );
 
     // What is logged unless the builder says otherwise.
     if env::var_os("DEFMT_LOG").is_none() {

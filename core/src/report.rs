@@ -8,8 +8,7 @@ use crate::gnss::satellite::SatelliteSet;
 use crate::gnss::{System, solution::SATELLITE_REASONS};
 use crate::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
 use crate::time::GpsTime;
-use crate::wire::native::{Full, Kind, Reader, Truncated, Writer};
-use crate::wire::native;
+use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
 
 /// A position and what goes with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,7 +111,7 @@ const HAS_THRESHOLD: u16 = 1 << 7;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReportError {
     /// The payload is too short, or holds a number that is not finite.
-    Payload(Truncated),
+    Payload(ReadError),
     /// A number stands for no state, mode or reason.
     UnknownCode {
         /// The number.
@@ -120,8 +119,8 @@ pub enum ReportError {
     },
 }
 
-impl From<Truncated> for ReportError {
-    fn from(error: Truncated) -> Self {
+impl From<ReadError> for ReportError {
+    fn from(error: ReadError) -> Self {
         Self::Payload(error)
     }
 }
@@ -278,12 +277,16 @@ fn coded<T>(code: u8, from: impl Fn(u8) -> Option<T>) -> Result<T, ReportError> 
     from(code).ok_or(ReportError::UnknownCode { code })
 }
 
-fn three(reader: &mut Reader<'_>) -> Result<[f64; 3], Truncated> {
+fn three(reader: &mut Reader<'_>) -> Result<[f64; 3], ReadError> {
     Ok([reader.f64()?, reader.f64()?, reader.f64()?])
 }
 
-fn set(reader: &mut Reader<'_>) -> Result<SatelliteSet, Truncated> {
-    Ok(SatelliteSet::from_masks([reader.u64()?, reader.u64()?, reader.u64()?]))
+fn set(reader: &mut Reader<'_>) -> Result<SatelliteSet, ReadError> {
+    Ok(SatelliteSet::from_masks([
+        reader.u64()?,
+        reader.u64()?,
+        reader.u64()?,
+    ]))
 }
 
 fn level(reader: &mut Reader<'_>) -> Result<ProtectionLevel, ReportError> {

@@ -8,19 +8,26 @@ use crate::board::log::LogSender;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
 use crc::{CRC_32_ISO_HDLC, Crc};
+use surefix_core::wire::native::{HEADER_LEN, Kind, PREAMBLE_1, PREAMBLE_2, TRAILER_LEN, VERSION};
 
-/// The kind of a native frame that withdraws the output; its payload is empty.
-const KIND_INVALID: u8 = 18;
-
-/// The whole frame, checksum included.
-const INVALID: [u8; 10] = {
-    let covered = [1, KIND_INVALID, 0, 0];
+/// The frame that withdraws the output, checksum included.
+const INVALID: [u8; HEADER_LEN + TRAILER_LEN] = {
+    let covered = [VERSION, Kind::OutputInvalid as u8, 0, 0];
     let crc = Crc::<u32>::new(&CRC_32_ISO_HDLC)
         .checksum(&covered)
         .to_le_bytes();
-    let [version, kind, low, high] = covered;
+    let [version, kind, length_low, length_high] = covered;
     [
-        0x53, 0x46, version, kind, low, high, crc[0], crc[1], crc[2], crc[3],
+        PREAMBLE_1,
+        PREAMBLE_2,
+        version,
+        kind,
+        length_low,
+        length_high,
+        crc[0],
+        crc[1],
+        crc[2],
+        crc[3],
     ]
 };
 
@@ -34,6 +41,18 @@ fn withdraw_output_and_reset() -> ! {
     SCB::sys_reset()
 }
 
+/// In the image that proves no panic reachable: linking fails where this handler is needed.
+#[cfg(feature = "no-panic")]
+#[panic_handler]
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    unsafe extern "C" {
+        // Defined nowhere.
+        safe fn a_panic_is_reachable_from_surefix_core() -> !;
+    }
+    a_panic_is_reachable_from_surefix_core()
+}
+
+#[cfg(not(feature = "no-panic"))]
 #[panic_handler]
 fn panic(info: &core::panic::PanicInfo) -> ! {
     match info.location() {
@@ -69,4 +88,36 @@ extern "C" fn hard_fault() -> ! {
 unsafe fn DefaultHandler(number: i16) -> ! {
     defmt::error!("interrupt {=i16} has no handler", number);
     withdraw_output_and_reset()
+}
+
+/// Failures on request, for the tests of this file on the emulated board.
+#[cfg(feature = "deliberate-fault")]
+pub mod deliberate {
+    use core::sync::atomic::{AtomicU64, Ordering};
+
+    /// The last eight bytes of the stream.
+    static LAST: AtomicU64 = AtomicU64::new(0);
+
+    /// Fails when the stream says so.
+    pub fn on_request(bytes: &[u8]) {
+        for byte in bytes {
+            let last = LAST.load(Ordering::Relaxed) << 8 | u64::from(*byte);
+            LAST.store(last, Ordering::Relaxed);
+            match &last.to_be_bytes() {
+                b"!PANIC!!" => panic!("deliberate"),
+                b"!FAULT!!" => cortex_m::asm::udf(),
+                b"!STACK!!" => drop(overflow(u32::from(*byte))),
+                _ => {}
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn overflow(depth: u32) -> u32 {
+        let frame = core::hint::black_box([depth; 64]);
+        if depth == 0 {
+            return 0;
+        }
+        overflow(depth.wrapping_add(2)).wrapping_add(core::hint::black_box(frame)[1])
+    }
 }

@@ -409,7 +409,7 @@ fn msm_satellite(
         .signals
         .iter()
         .find_map(|s| s.range_rate_mps)
-        .map(|rate| libm::round(rate));
+        .map(libm::round);
     let cells = observation
         .signals
         .iter()
@@ -547,11 +547,21 @@ pub fn encode_epoch(
     Ok(bytes)
 }
 
-/// Observations of one decoded MSM7 message, by the library: system, GPST time of week in ns,
-/// multiple-message bit, and each satellite's signals in metres, cycles and m/s.
-pub fn observations_of(
-    message: &Message,
-) -> Option<(System, i64, bool, Vec<(Satellite, SignalObservation)>)> {
+/// Observations of one MSM7 message.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Msm7 {
+    /// Constellation of the message.
+    pub system: System,
+    /// Time of week of the epoch, GPST, ns.
+    pub tow_ns: i64,
+    /// More messages of this epoch follow.
+    pub more: bool,
+    /// Every cell, in metres, cycles and m/s.
+    pub observations: Vec<(Satellite, SignalObservation)>,
+}
+
+/// Observations of a decoded MSM7 message; `None` for other messages and unknown signals.
+pub fn observations_of(message: &Message) -> Option<Msm7> {
     macro_rules! collect {
         ($system:expr, $m:expr, $time_field:ident) => {{
             let m = $m;
@@ -591,12 +601,12 @@ pub fn observations_of(
                 observation.cn0_dbhz = cell.gnss_signal_cnr_ext_dbhz.map(|cn0| cn0 as f32);
                 observations.push((Satellite::new($system, cell.satellite_id)?, observation));
             }
-            Some((
-                $system,
+            Some(Msm7 {
+                system: $system,
                 tow_ns,
-                m.msm_multiple_message_flag == 1,
+                more: m.msm_multiple_message_flag == 1,
                 observations,
-            ))
+            })
         }};
     }
     match message {

@@ -3,9 +3,11 @@
 use rtcm_rs::Message;
 use rtcm_rs::prelude::MsgFrameIter;
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
+use surefix_core::gnss::orbit::position_velocity;
 use surefix_core::gnss::{Satellite, SignalObservation, System};
 use surefix_host_tests::rtcm_encode::{ephemeris_of, observations_of, quantise};
 use surefix_host_tests::simulate::flight::Flight;
+use surefix_host_tests::simulate::orbit::{clock_offset_s, position_frozen_e};
 use surefix_host_tests::simulate::sky::{Sky, WEEK, galileo_fnav};
 use surefix_host_tests::simulate::{Args, epochs, simulate};
 
@@ -79,10 +81,10 @@ fn simulated_bytes_decode_to_the_simulated_observables() {
                     assert!((station.antenna_ref_point_ecef_y_m - truth.y).abs() < 1e-8);
                     assert!((station.antenna_ref_point_ecef_z_m - truth.z).abs() < 1e-8);
                 }
-                if let Some((_, tow_ns, more, observations)) = observations_of(&message) {
-                    assert_eq!(tow_ns, epoch.observations.time.tow_ns());
-                    decoded.extend(observations);
-                    if !more {
+                if let Some(msm) = observations_of(&message) {
+                    assert_eq!(msm.tow_ns, epoch.observations.time.tow_ns());
+                    decoded.extend(msm.observations);
+                    if !msm.more {
                         break;
                     }
                 }
@@ -125,4 +127,28 @@ fn simulated_bytes_decode_to_the_simulated_observables() {
         println!("{}: {compared} observations compared", flight.name());
         assert!(compared > 10_000);
     }
+}
+
+/// Two evaluations of the same elements that share no code: the receiver's in rotating axes at
+/// transmission, the simulator's in axes frozen at reception.
+#[test]
+fn the_receivers_orbits_are_the_simulators() {
+    let mut worst_m: f64 = 0.0;
+    for slot in Sky::new().slots() {
+        for issue in [0, 38, 83] {
+            let ephemeris = slot.broadcast(issue);
+            for since_toe_s in [-3600.0, -612.5, 0.0, 1234.567, 3600.0] {
+                let core = position_velocity(&ephemeris, since_toe_s).unwrap();
+                let reference = position_frozen_e(&ephemeris, since_toe_s, since_toe_s);
+                let difference = reference - nalgebra::Vector3::from(core.r_e_m);
+                worst_m = worst_m.max(difference.norm());
+                let clock_s = clock_offset_s(&ephemeris, since_toe_s, since_toe_s);
+                let polynomial_s = ephemeris.af0_s + ephemeris.af1_sps * since_toe_s;
+                let core_s = polynomial_s + core.relativity_s;
+                assert!((clock_s - core_s).abs() < 1e-15, "{}", slot.satellite);
+            }
+        }
+    }
+    println!("largest difference of two orbit evaluations: {worst_m:.2e} m");
+    assert!(worst_m < 1e-6, "{worst_m}");
 }

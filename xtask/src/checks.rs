@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use crate::process::command;
 use crate::stages::Stages;
 use crate::workspace::{TARGET, Workspace};
-use crate::{Failure, Result, documentation, images, rules, setup};
+use crate::{Failure, Result, bench, documentation, images, rules, setup};
 
 /// Runs all stages and closes with one summary.
 pub fn run(workspace: &Workspace) -> Result {
@@ -27,6 +27,7 @@ pub fn run(workspace: &Workspace) -> Result {
     });
     lint(workspace, &mut stages);
     images::check(workspace, &mut stages);
+    stages.run("instructions under their bars", || bench::check(workspace));
     let mut totals = Totals::default();
     stages.run("tests", || tests(workspace, &mut totals));
     stages.run("documentation", || documentation::check(workspace));
@@ -37,6 +38,9 @@ pub fn run(workspace: &Workspace) -> Result {
         println!(
             "  ../shared is absent: the tests that read recordings have said SKIPPED and passed"
         );
+    }
+    for name in &totals.failures {
+        println!("  failed: {name}");
     }
     println!("  {totals}; {:.0} s in all", stages.took().as_secs_f64());
     stages.verdict()
@@ -136,11 +140,18 @@ struct Totals {
     passed: u64,
     failed: u64,
     ignored: u64,
+    /// Names of the tests that failed.
+    failures: Vec<String>,
 }
 
 impl Totals {
-    /// Adds `test result: ok. 6 passed; 0 failed; 1 ignored; …`, ignores any other line.
+    /// Adds `test NAME ... FAILED` and `test result: ok. 6 passed; 0 failed; 1 ignored; …`,
+    /// ignores any other line.
     fn add(&mut self, line: &str) {
+        let failure = line
+            .strip_prefix("test ")
+            .and_then(|rest| rest.strip_suffix(" ... FAILED"));
+        self.failures.extend(failure.map(str::to_owned));
         let Some((_, counts)) = line
             .strip_prefix("test result: ")
             .and_then(|rest| rest.split_once(". "))
@@ -184,11 +195,13 @@ mod tests {
         totals.add("test result: ok. 6 passed; 0 failed; 1 ignored; 0 measured; 2 filtered out; finished in 0.06s");
         totals.add("test result: FAILED. 3 passed; 2 failed; 0 ignored; 0 measured; 0 filtered out; finished in 1.00s");
         totals.add("test some::name ... ok");
+        totals.add("test other::name ... FAILED");
         totals.add("test result: 5 passed");
         let expected = Totals {
             passed: 9,
             failed: 2,
             ignored: 1,
+            failures: vec!["other::name".to_owned()],
         };
         assert_eq!(totals, expected);
     }

@@ -7,32 +7,41 @@ use std::fs;
 
 use crate::checks::not_run;
 use crate::process::command;
-use crate::workspace::Workspace;
+use crate::workspace::{TARGET, Workspace};
 use crate::{Failure, Result};
 
 const REFERENCES: &str = "docs/references.md";
 
-/// Builds the documentation of the whole workspace.
+/// Builds the documentation of the whole workspace: the firmware's for its own target, where all
+/// of it exists, and its library only, for its images may bear the names of programs of the PC.
 pub fn check(workspace: &Workspace) -> Result {
     let references = fs::read_to_string(workspace.root.join(REFERENCES)).unwrap_or_default();
+    let keys = keys(&references);
+    build(
+        workspace,
+        &keys,
+        &["--workspace", "--exclude", "surefix-firmware"],
+    )?;
+    build(
+        workspace,
+        &keys,
+        &["--package", "surefix-firmware", "--lib", "--target", TARGET],
+    )
+}
+
+fn build(workspace: &Workspace, keys: &[&str], packages: &[&str]) -> Result {
     let mut call = command(workspace, "cargo");
-    call.args([
-        "doc",
-        "--locked",
-        "--workspace",
-        "--no-deps",
-        "--message-format",
-        "short",
-    ])
-    .env(
-        "RUSTDOCFLAGS",
-        "-D warnings --force-warn rustdoc::broken_intra_doc_links",
-    );
+    call.args(["doc", "--locked", "--no-deps", "--message-format", "short"])
+        .args(packages)
+        .env(
+            "RUSTDOCFLAGS",
+            "-D warnings --force-warn rustdoc::broken_intra_doc_links",
+        );
     let output = call
         .output()
         .map_err(|error| not_run(&call, &error.to_string()))?;
     let printed = String::from_utf8_lossy(&output.stderr);
-    let remarks = remarks(&printed, &keys(&references));
+    let remarks = remarks(&printed, keys);
     for line in &remarks {
         println!("{line}");
     }

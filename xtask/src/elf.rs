@@ -5,8 +5,11 @@
 
 /// A section occupies memory of the running image.
 const SHF_ALLOC: u32 = 2;
+const SHF_WRITE: u32 = 1;
 const SHT_SYMTAB: u32 = 2;
 const SHT_NOBITS: u32 = 8;
+/// `Tag_FP_arch` of a Cortex-M7 with its double-precision unit.
+const FPV5_D16: u64 = 8;
 
 /// An image that was read whole.
 pub struct Elf<'a> {
@@ -32,6 +35,16 @@ impl Section<'_> {
         self.flags & SHF_ALLOC != 0 && self.size_bytes > 0
     }
 
+    /// True when it occupies RAM.
+    pub fn is_writable(&self) -> bool {
+        self.flags & SHF_WRITE != 0
+    }
+
+    /// True when flash holds its content, also that of variables with an initial value.
+    pub fn is_stored(&self) -> bool {
+        self.kind != SHT_NOBITS
+    }
+
     #[cfg(test)]
     pub fn for_test(name: &'static str, size_bytes: u32, loaded: bool) -> Self {
         Self {
@@ -48,7 +61,7 @@ impl Section<'_> {
 /// What an image says of the floating-point unit it was compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct FloatAttributes {
-    /// `Tag_FP_arch`: 0 none, 6 VFPv4-D16, 8 FPv5-D16 …
+    /// `Tag_FP_arch`: 0 none, 6 VFPv4-D16, 8 FPv5-D16 and so on
     pub architecture: u64,
     /// `Tag_ABI_HardFP_use`: 0 all that the architecture has, 1 single precision only, 3 both.
     pub hardware_use: u64,
@@ -59,7 +72,7 @@ pub struct FloatAttributes {
 impl FloatAttributes {
     /// True when f64 arithmetic is the hardware's: any other build runs the same bits 45 times slower.
     pub fn has_hardware_f64(&self) -> bool {
-        self.architecture != 0 && self.hardware_use != 1 && self.arguments_in_registers == 1
+        self.architecture == FPV5_D16 && self.hardware_use != 1 && self.arguments_in_registers == 1
     }
 }
 

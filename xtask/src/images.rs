@@ -10,6 +10,9 @@ use crate::stages::Stages;
 use crate::workspace::{TARGET, Workspace};
 use crate::{Failure, Result, sizes};
 
+/// The image that every board runs.
+pub const APPLICATION: &str = "surefix";
+
 /// A board the application is linked for.
 pub struct Board {
     /// Its name, also of `firmware/expected/NAME.size`.
@@ -53,17 +56,17 @@ pub fn check(workspace: &Workspace, stages: &mut Stages) {
 
 /// Builds the application for a board; a copy of the image that the next board does not overwrite.
 pub fn build(workspace: &Workspace, board: &Board) -> Result<PathBuf> {
-    let mut call = cargo_build(workspace);
-    call.args(["--bin", "surefix"]).args(board.features);
+    let mut call = build_command(workspace);
+    call.args(["--bin", APPLICATION]).args(board.features);
     checked(&mut call)?;
     let copy = workspace.scratch().join(format!("{}.elf", board.name));
-    fs::copy(built(workspace, "surefix"), &copy)
+    fs::copy(built(workspace, APPLICATION), &copy)
         .map_err(|error| unreadable(&copy, &error.to_string()))?;
     Ok(copy)
 }
 
 /// `cargo build` of the firmware in its only profile.
-pub fn cargo_build(workspace: &Workspace) -> std::process::Command {
+pub fn build_command(workspace: &Workspace) -> std::process::Command {
     let mut call = command(workspace, "cargo");
     call.args([
         "build",
@@ -129,7 +132,7 @@ fn check_floating_point(image: &Path) -> Result {
 /// The image calls every public entry of core and links only when no panic is reachable; the one
 /// with a deliberate panic must not link, or the first proves nothing.
 fn check_no_panic(workspace: &Workspace) -> Result {
-    let mut call = cargo_build(workspace);
+    let mut call = build_command(workspace);
     checked(call.args(["--bin", "no_panic", "--features", "no-panic"]))?;
     let image = built(workspace, "no_panic");
     let bytes = read(&image)?;
@@ -142,7 +145,7 @@ fn check_no_panic(workspace: &Workspace) -> Result {
         ));
     }
     println!("{} symbols, none of them core::panicking", names.len());
-    let control = cargo_build(workspace)
+    let control = build_command(workspace)
         .args([
             "--quiet",
             "--bin",
@@ -163,11 +166,13 @@ fn check_no_panic(workspace: &Workspace) -> Result {
     Ok(())
 }
 
-fn read(image: &Path) -> Result<Vec<u8>> {
+/// The bytes of an image.
+pub fn read(image: &Path) -> Result<Vec<u8>> {
     fs::read(image).map_err(|error| unreadable(image, &error.to_string()))
 }
 
-fn parse<'a>(image: &Path, bytes: &'a [u8]) -> Result<Elf<'a>> {
+/// The sections of an image.
+pub fn parse<'a>(image: &Path, bytes: &'a [u8]) -> Result<Elf<'a>> {
     Elf::parse(bytes).ok_or_else(|| unreadable(image, "not a 32-bit little-endian ELF file"))
 }
 

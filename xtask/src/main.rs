@@ -4,6 +4,8 @@
 //! |---|---|
 //! | [`setup`] | brings a machine to the point where the rest runs: target, components, QEMU |
 //! | [`checks`], [`stages`] | every check and test, timed, with one summary |
+//! | [`demo`] | an approach with a fault through the emulated board |
+//! | [`bench`] | instructions and bytes per stage on the emulated board, and their bars |
 //! | [`rules`], [`documentation`] | rules of the workspace that no compiler checks |
 //! | [`images`], [`elf`], [`sizes`] | the firmware images and what is in them |
 //! | [`process`] | nested commands: environment, time limits, captured output |
@@ -11,7 +13,9 @@
 //!
 //! Runs before set-up, with nothing but a host toolchain: standard library only.
 
+mod bench;
 mod checks;
+mod demo;
 mod documentation;
 mod elf;
 mod images;
@@ -68,6 +72,12 @@ environment of setup (to try each route by hand)
   SUREFIX_SETUP_NO_PACKAGES=1   do not install distribution packages
 ";
 
+/// Wrong arguments: how to do it right.
+fn usage() -> ExitCode {
+    eprint!("{HELP}");
+    ExitCode::from(2)
+}
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
@@ -75,14 +85,16 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["setup"] => setup::run(&workspace),
         ["test"] => checks::run(&workspace),
+        ["demo"] => demo::run(&workspace),
+        ["bench", rest @ ..] => match bench::Options::parse(rest) {
+            Some(options) => bench::run(&workspace, &options),
+            None => return usage(),
+        },
         ["help" | "--help" | "-h"] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;
         }
-        _ => {
-            eprint!("{HELP}");
-            return ExitCode::from(2);
-        }
+        _ => return usage(),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

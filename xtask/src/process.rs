@@ -87,12 +87,12 @@ impl std::fmt::Display for Trouble {
     }
 }
 
-/// Runs a command quietly, for at most `limit`; what it prints is shown only in the error.
+/// Runs a command quietly, for at most `limit`; what it prints is returned, or ends the error.
 pub fn run_quietly(
     workspace: &Workspace,
     command: &mut Command,
     limit: Duration,
-) -> Result<(), Trouble> {
+) -> Result<String, Trouble> {
     let log = workspace
         .scratch()
         .join(format!("command-{}.log", std::process::id()));
@@ -104,9 +104,10 @@ pub fn run_quietly(
     let waited = wait(child, limit).map_err(Trouble::NotStarted)?;
     let text = fs::read(&log).unwrap_or_default();
     let _ = fs::remove_file(&log); // a leftover log does no harm
-    let tail = tail(&String::from_utf8_lossy(&text), 12);
+    let text = String::from_utf8_lossy(&text);
+    let tail = tail(&text, 12);
     match waited {
-        Some(status) if status.success() => Ok(()),
+        Some(status) if status.success() => Ok(text.into_owned()),
         Some(status) => Err(Trouble::Failed { status, tail }),
         None => Err(Trouble::TimedOut { limit, tail }),
     }

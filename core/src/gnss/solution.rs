@@ -292,6 +292,17 @@ impl SnapshotWorkspace {
         self.solve_from(excluded, r_e, steps)
     }
 
+    /// Satellites of the epoch.
+    pub const fn n_observed(&self) -> u8 {
+        self.n_observed
+    }
+
+    /// Satellites that gave no row, in the order of [`SatelliteReason`]; a solution counts those it
+    /// left out besides.
+    pub const fn unused(&self) -> [u8; SATELLITE_REASONS] {
+        self.unused
+    }
+
     /// The linearised epoch of the last solution, in the order of [`SnapshotWorkspace::used_rows`].
     ///
     /// Its residuals are taken at the solution with the clocks out, so that a least-squares estimate

@@ -1,5 +1,7 @@
 //! Small fixed-capacity linear algebra that can say no.
 
+pub mod qr;
+
 use crate::consts::{MAX_SATELLITES, MAX_UNKNOWNS};
 
 /// A linearised epoch: residual = design × unknowns + error, one row per satellite.

@@ -7,7 +7,7 @@
 pub const MAX_WIDTH: u32 = 57;
 
 /// A view of bytes as bits.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bits<'a> {
     bytes: &'a [u8],
 }

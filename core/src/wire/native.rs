@@ -21,6 +21,8 @@ pub const PREAMBLE_1: u8 = 0x53;
 pub const PREAMBLE_2: u8 = 0x46;
 /// Version this code writes and reads.
 pub const VERSION: u8 = 1;
+/// Versions lie below this, so that the letters SF in a text are not taken for a frame.
+const VERSION_END: u8 = 16;
 /// Bytes before the payload.
 pub const HEADER_LEN: usize = 6;
 /// Bytes after the payload.
@@ -50,6 +52,8 @@ pub enum Kind {
     Report = 16,
     /// How much input was lost and why, out of the monitor.
     Counters = 17,
+    /// The sender has failed and withdraws its output: nothing it sent may be used any longer; empty.
+    OutputInvalid = 18,
 }
 
 impl Kind {
@@ -63,6 +67,7 @@ impl Kind {
             5 => Self::EndOfStream,
             16 => Self::Report,
             17 => Self::Counters,
+            18 => Self::OutputInvalid,
             _ => return None,
         })
     }
@@ -89,7 +94,7 @@ pub enum FrameError {
         /// Bytes needed in all.
         needed: usize,
     },
-    /// The first two bytes are not the preamble.
+    /// The first three bytes are not the preamble and a version.
     NoPreamble,
     /// Another version.
     Version {
@@ -131,7 +136,8 @@ impl<'a> Frame<'a> {
         }
         match bytes.get(2) {
             Some(&VERSION) => {}
-            Some(&version) => return Err(FrameError::Version { version }),
+            Some(&version) if version < VERSION_END => return Err(FrameError::Version { version }),
+            Some(_) => return Err(FrameError::NoPreamble),
             None => return Err(incomplete),
         }
         let (Some(&low), Some(&high)) = (bytes.get(4), bytes.get(5)) else {
@@ -157,11 +163,17 @@ impl<'a> Frame<'a> {
         if crc32(covered) != u32::from_le_bytes(*crc) {
             return Err(FrameError::BadCrc);
         }
-        let (&kind, payload) = match (content.get(3), content.get(HEADER_LEN..)) {
-            (Some(kind), Some(payload)) => (kind, payload),
-            _ => return Err(FrameError::Incomplete { needed }),
-        };
-        Ok((Self { kind, payload }, needed))
+        let view = Self::from_checked(frame).ok_or(FrameError::Incomplete { needed })?;
+        Ok((view, needed))
+    }
+
+    /// The view of a whole frame that [`Frame::parse`] accepted before.
+    pub(super) fn from_checked(frame: &'a [u8]) -> Option<Self> {
+        let (content, _) = frame.split_last_chunk::<TRAILER_LEN>()?;
+        Some(Self {
+            kind: *content.get(3)?,
+            payload: content.get(HEADER_LEN..)?,
+        })
     }
 
     /// What the frame carries; `None` for a kind that is not known here.

@@ -27,7 +27,7 @@ pub const KLOBUCHAR: Klobuchar = Klobuchar {
         -1.0 / 16_777_216.0,
         -2.0 / 16_777_216.0,
     ],
-    beta: [50.0 * 2048.0, 5.0 * 16384.0, -1.0 * 65536.0, -4.0 * 65536.0],
+    beta: [50.0 * 2048.0, 5.0 * 16384.0, -65536.0, -4.0 * 65536.0],
 };
 
 /// Where the signal crosses the atmosphere.
@@ -45,8 +45,8 @@ pub struct Ray {
     pub elevation_rad: f64,
 }
 
-/// Saastamoinen delay, m: hydrostatic and wet zenith delay in the standard atmosphere with a
-/// relative humidity of 70 %, mapped by 1/cos z. [SAASTAMOINEN] as used by [RTKLIB] E.5.4.
+/// Tropospheric delay, m: Saastamoinen's zenith delay [SAASTAMOINEN-1972] in the standard atmosphere
+/// with a relative humidity of 70 %, mapped to the ray by [DO-229] A.4.2.4.
 pub fn troposphere_m(ray: &Ray) -> f64 {
     if ray.elevation_rad <= 0.0 {
         return 0.0;
@@ -57,14 +57,14 @@ pub fn troposphere_m(ray: &Ray) -> f64 {
         0.0
     };
     let pressure_hpa = 1013.25 * libm::pow(1.0 - 2.2557e-5 * height_m, 5.2568);
-    let temperature_k = 288.16 - 6.5e-3 * height_m;
+    let temperature_k = 288.15 - 6.5e-3 * height_m;
     let vapour_hpa =
         6.108 * 0.7 * libm::exp((17.15 * temperature_k - 4684.0) / (temperature_k - 38.45));
     let gravity = 1.0 - 0.00266 * libm::cos(2.0 * ray.latitude_rad) - 0.00028 * height_m / 1000.0;
+    let hydrostatic_m = 0.002_276_8 * pressure_hpa / gravity;
+    let wet_m = 0.002_277 * (1255.0 / temperature_k + 0.05) * vapour_hpa;
     let sin_elevation = libm::sin(ray.elevation_rad);
-    let hydrostatic_m = 0.002_276_8 * pressure_hpa / (gravity * sin_elevation);
-    let wet_m = 0.002_277 * (1255.0 / temperature_k + 0.05) * vapour_hpa / sin_elevation;
-    hydrostatic_m + wet_m
+    (hydrostatic_m + wet_m) * 1.001 / libm::sqrt(0.002_001 + sin_elevation * sin_elevation)
 }
 
 /// Klobuchar delay, m, on a carrier: the GPS form for GPS and Galileo, the BDS form for BDS.

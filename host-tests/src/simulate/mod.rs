@@ -85,11 +85,11 @@ pub fn conditions(args: &Args) -> Conditions {
 
 /// The epochs that arguments ask for, before encoding.
 pub fn epochs(args: &Args) -> Result<Receiver> {
-    if !(args.rate_hz >= 0.01 && args.rate_hz <= 50.0) {
+    if !(0.01..=50.0).contains(&args.rate_hz) {
         bail!("--rate-hz {} is not between 0.01 and 50", args.rate_hz);
     }
     let duration_s = args.duration.unwrap_or(args.name.usual_duration_s());
-    if !(duration_s >= 0.0 && duration_s <= 172_800.0) {
+    if !(0.0..=172_800.0).contains(&duration_s) {
         bail!("--duration {duration_s} is not between 0 and 172800 s");
     }
     let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;

@@ -153,7 +153,7 @@ pub struct Receiver {
     clock_bias_s: f64,
     clock_drift: f64,
     disturbances: Vec<Disturbance>,
-    issue: Option<i64>,
+    issues: Option<[i64; 3]>,
     /// What every satellite broadcasts now.
     broadcasts: Vec<Ephemeris>,
 }
@@ -203,7 +203,7 @@ impl Receiver {
             clock_bias_s: 2.0e-4 * (uniform(&mut random) - 0.5),
             clock_drift: 2.0e-8 * (uniform(&mut random) - 0.5),
             disturbances,
-            issue: None,
+            issues: None,
             broadcasts: Vec::new(),
         }
     }
@@ -307,10 +307,14 @@ impl Iterator for Receiver {
             antenna: self.antenna(label, 0.0),
         };
         epoch.observations.restart(label);
-        if self.issue != Some(issue_at(label)) {
-            self.issue = Some(issue_at(label));
+        let issues = System::ALL.map(|system| issue_at(system, label));
+        if self.issues != Some(issues) {
+            self.issues = Some(issues);
+            let of = |system: System| issues[system.index()];
             let slots = self.sky.slots().iter();
-            self.broadcasts = slots.map(|s| s.broadcast(issue_at(label))).collect();
+            self.broadcasts = slots
+                .map(|slot| slot.broadcast(of(slot.satellite.system())))
+                .collect();
         }
 
         let mut disturbances = core::mem::take(&mut self.disturbances);

@@ -137,9 +137,17 @@ fn walker_24_3_1(k: u8) -> (f64, f64) {
 }
 
 /// Number of the ephemeris in use at an instant: the one whose toe is nearest.
-pub fn issue_at(time: GpsTime) -> i64 {
-    let since_week_s = time.seconds_since(GpsTime::from_week_tow_s(WEEK, 0));
-    libm::floor(since_week_s / UPDATE_S as f64 + 0.5) as i64
+pub fn issue_at(system: System, time: GpsTime) -> i64 {
+    let since_first_s = time.seconds_since(toe(system, 0));
+    libm::floor(since_first_s / UPDATE_S as f64 + 0.5) as i64
+}
+
+/// Reference time of ephemeris `issue` of the week.
+fn toe(system: System, issue: i64) -> GpsTime {
+    match system {
+        System::Gps | System::Galileo => GpsTime::from_week_tow_s(WEEK, issue * UPDATE_S),
+        System::Bds => GpsTime::from_bdt(WEEK - BDT_WEEK_OFFSET, issue * UPDATE_S),
+    }
 }
 
 impl Slot {
@@ -218,21 +226,12 @@ impl Slot {
         }
     }
 
-    /// Reference time of ephemeris `issue`.
-    fn toe(&self, issue: i64) -> GpsTime {
-        let since_week_s = issue * UPDATE_S;
-        match self.satellite.system() {
-            System::Gps | System::Galileo => GpsTime::from_week_tow_s(WEEK, since_week_s),
-            System::Bds => GpsTime::from_bdt(WEEK - BDT_WEEK_OFFSET, since_week_s),
-        }
-    }
-
     /// Ephemeris number `issue` of the week as the satellite broadcasts it: every field is exactly
     /// what its bits hold. For Galileo this is the I/NAV message.
     pub fn broadcast(&self, issue: i64) -> Ephemeris {
         let mut ephemeris = self.elements;
         let system = self.satellite.system();
-        ephemeris.toe = self.toe(issue);
+        ephemeris.toe = toe(system, issue);
         ephemeris.toc = ephemeris.toe;
         let bdt_shift_ns = match system {
             System::Gps | System::Galileo => 0,

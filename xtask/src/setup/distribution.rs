@@ -315,12 +315,14 @@ fn select(workspace: &Workspace, compiler: &Compiler) -> Result {
 }
 
 fn rustup(workspace: &Workspace, call: &mut std::process::Command) -> Result {
-    run_quietly(workspace, call, Duration::from_secs(60)).map_err(|trouble| {
-        Failure::new(
-            format!("{call:?} {trouble}"),
-            "run that command by hand, then `cargo xtask setup` again",
-        )
-    })
+    run_quietly(workspace, call, Duration::from_secs(60))
+        .map(drop)
+        .map_err(|trouble| {
+            Failure::new(
+                format!("{call:?} {trouble}"),
+                "run that command by hand, then `cargo xtask setup` again",
+            )
+        })
 }
 
 fn make_folder(workspace: &Workspace, folder: &Path) -> Result {
@@ -330,12 +332,14 @@ fn make_folder(workspace: &Workspace, folder: &Path) -> Result {
 /// A file command in the compiler's folders, which belong to root.
 fn root_command(workspace: &Workspace, program: &str, arguments: &[&Path]) -> Result {
     let mut call = packages::as_root(workspace, program);
-    run_quietly(workspace, call.args(arguments), Duration::from_secs(60)).map_err(|trouble| {
-        Failure::new(
-            format!("{program} {arguments:?} {trouble}"),
-            "run `cargo xtask setup` once as root (or with a password-less sudo)",
-        )
-    })
+    run_quietly(workspace, call.args(arguments), Duration::from_secs(60))
+        .map(drop)
+        .map_err(|trouble| {
+            Failure::new(
+                format!("{program} {arguments:?} {trouble}"),
+                "run `cargo xtask setup` once as root (or with a password-less sudo)",
+            )
+        })
 }
 
 fn cannot_write(path: &Path, error: &std::io::Error) -> Failure {

@@ -24,7 +24,7 @@ use crate::{Failure, Result};
 const RUSTUP_LIMIT: Duration = Duration::from_secs(300);
 
 /// The board model every emulated test runs on.
-const BOARD: &str = "mps2-an500";
+pub const BOARD: &str = "mps2-an500";
 
 /// Everything of the table above, in its order.
 pub fn run(workspace: &Workspace) -> Result {
@@ -76,7 +76,7 @@ fn ensure_component(workspace: &Workspace, component: &str) {
         let mut rustup = command(workspace, "rustup");
         rustup.args(["component", "add", component]);
         match run_quietly(workspace, &mut rustup, RUSTUP_LIMIT) {
-            Ok(()) => say(&format!("{component}: added with rustup")),
+            Ok(_) => say(&format!("{component}: added with rustup")),
             Err(trouble) => say(&format!("rustup component add {component} {trouble}")),
         }
     }

@@ -87,9 +87,9 @@ impl Manager {
             Self::Pacman => refresh.args(["-Sy"]),
         };
         let refreshed = run_quietly(workspace, &mut refresh, INSTALL_LIMIT);
-        install().map_err(|trouble| {
+        install().map(drop).map_err(|trouble| {
             let lists = match refreshed {
-                Ok(()) => String::new(),
+                Ok(_) => String::new(),
                 Err(trouble) => format!("\nrefreshing the package lists {trouble}"),
             };
             Failure::new(

@@ -47,7 +47,7 @@ pub fn works(workspace: &Workspace, rustc: &str) -> std::result::Result<(), Trou
         .arg(folder.join("probe.rs"));
     let outcome = run_quietly(workspace, &mut call, Duration::from_secs(120));
     let _ = fs::remove_dir_all(&folder); // a leftover probe does no harm
-    outcome
+    outcome.map(drop)
 }
 
 /// Leaves the workspace with a compiler for the target, or says what to do.
@@ -61,14 +61,14 @@ pub fn ensure(workspace: &Workspace) -> Result {
         let mut rustup = command(workspace, "rustup");
         rustup.args(["target", "add", TARGET]);
         match run_quietly(workspace, &mut rustup, RUSTUP_LIMIT) {
-            Ok(()) if works(workspace, "rustc").is_ok() => {
+            Ok(_) if works(workspace, "rustc").is_ok() => {
                 say(&format!(
                     "{TARGET}: added with rustup, {}",
                     active(workspace)
                 ));
                 return Ok(());
             }
-            Ok(()) => say("rustup has added it, but a probe does not link"),
+            Ok(_) => say("rustup has added it, but a probe does not link"),
             Err(trouble) => say(&format!("rustup target add {trouble}")),
         }
     }

@@ -1,0 +1,422 @@
+//! The snapshot monitor: one epoch in, a position and a verdict on it out, no memory of earlier epochs
+//! but where to start the iteration.
+//!
+//! ```text
+//! epoch ─► solution ─► detection ──passes──────────────────────────► levels ─► verdict
+//!                          └─fails─► exclusion ─► solution without ─► detection ─┘
+//! ```
+//!
+//! Why it tests, excludes and bounds as it does: docs/decisions/002-snapshot-monitor.md.
+//! Levels: the larger of the slope-based level [BROWN-1992] and the fault-free level K σ with
+//! K = Q⁻¹(p/2); the fault-free sigma holds the ionosphere that is common to all satellites.
+
+use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
+use crate::config::{Config, ConfigError};
+use crate::consts::MAX_SATELLITES;
+use crate::gnss::solution::{
+    SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
+};
+use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use crate::integrity::{Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict};
+use crate::linalg::qr::WhitenedQr;
+use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
+use crate::raim::slope::{NoLevel, Sensitivity, semi_major_axis_m};
+use crate::raim::thresholds::RaimTable;
+use crate::raim::{RaimError, parity};
+use crate::stats::{StatsError, normal};
+
+const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
+
+/// Why a monitor could not be configured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConfigureError {
+    /// A value is out of its range.
+    Config(ConfigError),
+    /// The risks of the phase of flight give no threshold.
+    Stats(StatsError),
+}
+
+/// What the monitor says of one epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Assessment {
+    /// The position, if there is one; after an exclusion the one without the excluded satellites.
+    pub solution: Option<SnapshotSolution>,
+    /// What to think of it.
+    pub verdict: Verdict,
+    /// Satellites observed.
+    pub n_observed: u8,
+    /// Satellites observed and not used, in the order of
+    /// [`crate::gnss::solution::SatelliteReason`].
+    pub unused: [u8; SATELLITE_REASONS],
+}
+
+/// How far the assessment of an epoch has come.
+#[derive(Clone, Copy, Debug)]
+struct Progress {
+    solution: Option<SnapshotSolution>,
+    test: Test,
+    statistic: Option<f64>,
+    threshold: Option<f64>,
+    excluded: SatelliteSet,
+    hpl: ProtectionLevel,
+    vpl: ProtectionLevel,
+}
+
+/// Outcome of the consistency test.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Test {
+    /// There is nothing to test, or nothing to test it with.
+    Impossible(Reason),
+    Passed,
+    Failed,
+    /// Failed at first, passed without the satellites excluded.
+    PassedWithout,
+}
+
+/// Everything the snapshot monitor needs. Large: keep it in a `static` made from
+/// [`SnapshotMonitor::EMPTY`].
+pub struct SnapshotMonitor {
+    config: Option<Config>,
+    thresholds: RaimTable,
+    /// Q⁻¹ of half the fault-free risk.
+    k_fault_free: f64,
+    workspace: SnapshotWorkspace,
+    qr: WhitenedQr,
+    sensitivity: Sensitivity,
+    exclusion: ExclusionWorkspace,
+    independent_sigma_m: [f64; MAX_SATELLITES],
+    common_errors_m: [[f64; MAX_SATELLITES]; 1],
+    start: Option<[f64; 3]>,
+}
+
+impl SnapshotMonitor {
+    /// Not configured.
+    pub const EMPTY: Self = Self {
+        config: None,
+        thresholds: RaimTable::EMPTY,
+        k_fault_free: 0.0,
+        workspace: SnapshotWorkspace::EMPTY,
+        qr: WhitenedQr::EMPTY,
+        sensitivity: Sensitivity::EMPTY,
+        exclusion: ExclusionWorkspace::EMPTY,
+        independent_sigma_m: [1.0; MAX_SATELLITES],
+        common_errors_m: [[0.0; MAX_SATELLITES]],
+        start: None,
+    };
+
+    /// Checks a configuration and computes every threshold it needs, once.
+    ///
+    /// # Errors
+    /// [`ConfigureError`]; the monitor is then not configured.
+    pub fn configure(&mut self, config: &Config) -> Result<(), ConfigureError> {
+        self.config = None;
+        self.start = None;
+        config.check().map_err(ConfigureError::Config)?;
+        let requirements = config.phase.requirements();
+        self.thresholds
+            .fill(requirements.p_fa, requirements.p_md)
+            .map_err(ConfigureError::Stats)?;
+        self.k_fault_free = normal::upper_quantile(0.5 * requirements.p_fault_free)
+            .map_err(ConfigureError::Stats)?;
+        self.config = Some(*config);
+        Ok(())
+    }
+
+    /// The configuration in force.
+    pub const fn config(&self) -> Option<&Config> {
+        self.config.as_ref()
+    }
+
+    /// The satellites of the last solution, with their directions and sigmas.
+    pub const fn workspace(&self) -> &SnapshotWorkspace {
+        &self.workspace
+    }
+
+    /// Assesses one epoch; the work of each stage is booked in `ledger`.
+    #[inline(never)]
+    pub fn assess(
+        &mut self,
+        epoch: &ObservationEpoch,
+        store: &EphemerisStore,
+        ionosphere: &BroadcastIonosphere,
+        ledger: &mut Ledger,
+        counter: &mut impl CycleCounter,
+    ) -> Assessment {
+        let Some(config) = self.config else {
+            return Assessment {
+                solution: None,
+                verdict: Verdict::unavailable(Reason::NotConfigured, 0.0, None),
+                n_observed: 0,
+                unused: [0; SATELLITE_REASONS],
+            };
+        };
+        let requirements = config.phase.requirements();
+        let mut progress = Progress {
+            solution: None,
+            test: Test::Impossible(Reason::None),
+            statistic: None,
+            threshold: None,
+            excluded: SatelliteSet::EMPTY,
+            hpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
+            vpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
+        };
+        let mut verdict =
+            Verdict::unavailable(Reason::None, requirements.hal_m, requirements.val_m);
+        for stage in &STAGES {
+            let begin = counter.now();
+            match stage.stage {
+                Stage::Solution => {
+                    self.workspace.prepare(epoch, store, ionosphere, &config);
+                    self.solve(&mut progress);
+                }
+                Stage::Detection => self.detect(&mut progress),
+                Stage::Exclusion => self.exclude(&mut progress, config.max_exclusions),
+                Stage::Levels => self.bound(&mut progress),
+                Stage::Verdict => verdict = judge(&progress, &requirements),
+            }
+            ledger.charge(stage.stage, counter.now().wrapping_sub(begin));
+        }
+        let unused = progress
+            .solution
+            .map_or_else(|| self.workspace.unused(), |solution| solution.unused);
+        Assessment {
+            solution: progress.solution,
+            verdict,
+            n_observed: self.workspace.n_observed(),
+            unused,
+        }
+    }
+
+    /// Position without the satellites excluded so far.
+    fn solve(&mut self, progress: &mut Progress) {
+        match self.workspace.solve(progress.excluded, self.start) {
+            Ok(solution) => {
+                self.start = Some(solution.r_e_m);
+                progress.solution = Some(solution);
+            }
+            Err(error) => {
+                self.start = None;
+                progress.test = Test::Impossible(match error {
+                    SnapshotError::TooFewSatellites { .. } => Reason::TooFewSatellites,
+                    SnapshotError::BadGeometry => Reason::BadGeometry,
+                    SnapshotError::NoConvergence => Reason::NoConvergence,
+                    SnapshotError::ImplausiblePosition => Reason::ImplausiblePosition,
+                });
+            }
+        }
+    }
+
+    /// Parity test of the solution.
+    fn detect(&mut self, progress: &mut Progress) {
+        if progress.solution.is_none() {
+            return;
+        }
+        progress.statistic = None;
+        progress.threshold = None;
+        progress.test = match parity::test(self.workspace.model(), &mut self.qr) {
+            Ok(statistic) => {
+                let threshold = self.thresholds.threshold(statistic.redundancy);
+                progress.statistic = Some(statistic.sum_of_squares);
+                progress.threshold = threshold;
+                let passes = threshold.is_some_and(|limit| statistic.passes(limit));
+                if passes { Test::Passed } else { Test::Failed }
+            }
+            Err(RaimError::NoRedundancy { .. }) => Test::Impossible(Reason::NoRedundancy),
+            Err(_) => Test::Impossible(Reason::BadGeometry),
+        };
+    }
+
+    /// After a failed test: the satellites that explain it, and the position without them.
+    #[inline(never)]
+    fn exclude(&mut self, progress: &mut Progress, max_exclusions: u8) {
+        if progress.test != Test::Failed {
+            return;
+        }
+        self.sensitivity.fill(&mut self.qr);
+        let found = exclusion::identify(
+            &self.qr,
+            &self.thresholds,
+            max_exclusions as usize,
+            &mut self.exclusion,
+        );
+        let Ok(found) = found else {
+            return;
+        };
+        let mut without = *progress;
+        for (row, used) in self.workspace.used_rows().enumerate() {
+            if found.rows.contains(row) {
+                without.excluded.insert(used.satellite);
+            }
+        }
+        self.solve(&mut without);
+        if without.excluded.is_empty() || matches!(without.test, Test::Impossible(_)) {
+            return;
+        }
+        self.detect(&mut without);
+        if without.test == Test::Passed {
+            without.test = Test::PassedWithout;
+            *progress = without;
+        }
+    }
+
+    /// Levels of a position that passed its test.
+    #[inline(never)]
+    fn bound(&mut self, progress: &mut Progress) {
+        if progress.solution.is_none() {
+            return;
+        }
+        let unavailable = match progress.test {
+            Test::Impossible(_) => Some(NoBound::NoRedundancy),
+            Test::Failed => Some(NoBound::FaultPresent),
+            Test::Passed | Test::PassedWithout => None,
+        };
+        let levels = match unavailable {
+            Some(why) => Err(why),
+            None => self.levels(),
+        };
+        (progress.hpl, progress.vpl) = match levels {
+            Ok((hpl_m, vpl_m)) => (
+                ProtectionLevel::from_bound(hpl_m),
+                ProtectionLevel::from_bound(vpl_m),
+            ),
+            Err(why) => (
+                ProtectionLevel::Unavailable(why),
+                ProtectionLevel::Unavailable(why),
+            ),
+        };
+    }
+
+    /// Horizontal and vertical level, m.
+    fn levels(&mut self) -> Result<(f64, f64), NoBound> {
+        let redundancy = self.qr.n().saturating_sub(self.qr.m());
+        let sqrt_noncentrality = self
+            .thresholds
+            .sqrt_noncentrality(redundancy)
+            .ok_or(NoBound::NoRedundancy)?;
+        self.sensitivity.fill(&mut self.qr);
+        let slope = self
+            .sensitivity
+            .levels(sqrt_noncentrality)
+            .map_err(|error| match error {
+                NoLevel::NoRedundancy => NoBound::NoRedundancy,
+                NoLevel::Untestable { .. } => NoBound::Untestable,
+                NoLevel::NotFinite => NoBound::NotFinite,
+            })?;
+        let places = self
+            .independent_sigma_m
+            .iter_mut()
+            .zip(self.common_errors_m.iter_mut().flatten());
+        for (row, (independent_m, common_m)) in self.workspace.used_rows().zip(places) {
+            *independent_m = row.sigma.independent_m;
+            *common_m = row.sigma.common_m;
+        }
+        let covariance = self.sensitivity.position_covariance(
+            self.workspace.model(),
+            &self.independent_sigma_m,
+            &self.common_errors_m,
+        );
+        let horizontal_m = self.k_fault_free * semi_major_axis_m(&covariance);
+        let vertical_m = self.k_fault_free * libm::sqrt(covariance.m33);
+        Ok((
+            larger(slope.hpl_m, horizontal_m),
+            larger(slope.vpl_m, vertical_m),
+        ))
+    }
+}
+
+/// The larger of two levels; NaN if either is.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || a > b { a } else { b }
+}
+
+/// What the test and the levels mean for the user.
+fn judge(progress: &Progress, requirements: &PhaseRequirements) -> Verdict {
+    let horizontal = progress.hpl.is_within(requirements.hal_m);
+    let vertical = requirements
+        .val_m
+        .is_none_or(|val_m| progress.vpl.is_within(val_m));
+    let (integrity, reason) = match progress.test {
+        Test::Impossible(reason) => (Integrity::Unavailable, reason),
+        Test::Failed => (Integrity::Alert, Reason::FaultNotIsolated),
+        Test::Passed | Test::PassedWithout if !horizontal => {
+            (Integrity::Unavailable, Reason::HplAboveLimit)
+        }
+        Test::Passed | Test::PassedWithout if !vertical => {
+            (Integrity::Unavailable, Reason::VplAboveLimit)
+        }
+        Test::Passed => (Integrity::Nominal, Reason::None),
+        Test::PassedWithout => (Integrity::Excluded, Reason::None),
+    };
+    Verdict {
+        integrity,
+        reason,
+        hpl: progress.hpl,
+        vpl: progress.vpl,
+        hal_m: requirements.hal_m,
+        val_m: requirements.val_m,
+        excluded: progress.excluded,
+        statistic: progress.statistic,
+        threshold: progress.threshold,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrity::Phase;
+
+    fn progress(test: Test, hpl_m: f64, vpl_m: f64) -> Progress {
+        Progress {
+            solution: None,
+            test,
+            statistic: Some(1.0),
+            threshold: Some(2.0),
+            excluded: SatelliteSet::EMPTY,
+            hpl: ProtectionLevel::from_bound(hpl_m),
+            vpl: ProtectionLevel::from_bound(vpl_m),
+        }
+    }
+
+    #[test]
+    fn a_verdict_is_usable_only_with_levels_within_limits() {
+        let limits = Phase::Lpv200.requirements();
+        let state = |test, hpl_m, vpl_m| judge(&progress(test, hpl_m, vpl_m), &limits);
+        let inside = state(Test::Passed, 39.0, 34.0);
+        assert_eq!(
+            (inside.integrity, inside.reason),
+            (Integrity::Nominal, Reason::None)
+        );
+        let inside = state(Test::PassedWithout, 39.0, 34.0);
+        assert_eq!(inside.integrity, Integrity::Excluded);
+        for (hpl_m, vpl_m, reason) in [
+            (40.0, 34.0, Reason::HplAboveLimit),
+            (f64::NAN, 34.0, Reason::HplAboveLimit),
+            (39.0, 35.0, Reason::VplAboveLimit),
+            (39.0, f64::INFINITY, Reason::VplAboveLimit),
+        ] {
+            for test in [Test::Passed, Test::PassedWithout] {
+                let outside = state(test, hpl_m, vpl_m);
+                assert_eq!(outside.integrity, Integrity::Unavailable);
+                assert_eq!(outside.reason, reason);
+            }
+        }
+        assert_eq!(state(Test::Failed, 1.0, 1.0).integrity, Integrity::Alert);
+        let untested = state(Test::Impossible(Reason::NoRedundancy), 1.0, 1.0);
+        assert_eq!(untested.integrity, Integrity::Unavailable);
+    }
+
+    #[test]
+    fn a_phase_without_vertical_guidance_does_not_ask_for_a_vertical_level() {
+        let limits = Phase::Npa.requirements();
+        let verdict = judge(&progress(Test::Passed, 500.0, f64::INFINITY), &limits);
+        assert_eq!(verdict.integrity, Integrity::Nominal);
+    }
+
+    #[test]
+    fn the_larger_of_two_levels_is_nan_when_one_is() {
+        assert!(larger(f64::NAN, 1.0).is_nan());
+        assert!(larger(1.0, f64::NAN).is_nan());
+        assert_eq!(larger(2.0, 1.0), 2.0);
+        assert_eq!(larger(1.0, 2.0), 2.0);
+    }
+}

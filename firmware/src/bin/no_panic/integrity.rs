@@ -1,0 +1,23 @@
+//! `integrity`.
+
+use crate::call::{call1, call2, call3};
+use surefix_core::integrity::{Integrity, Mode, NoBound, Phase, ProtectionLevel, Reason, Verdict};
+
+pub fn all() {
+    call1(Phase::name, Phase::Npa);
+    call1(Phase::from_u8, 0);
+    call1(Phase::requirements, Phase::Npa);
+    call1(Integrity::name, Integrity::Nominal);
+    call1(Integrity::from_u8, 0);
+    call1(Integrity::is_usable, Integrity::Nominal);
+    call1(Mode::name, Mode::None);
+    call1(Mode::from_u8, 0);
+    call1(NoBound::from_u8, 0);
+    call1(Reason::name, Reason::None);
+    call1(Reason::from_u8, 0);
+    let level = ProtectionLevel::Bound(0.0);
+    call1(ProtectionLevel::from_bound, 0.0);
+    call2(ProtectionLevel::is_within, level, 0.0);
+    call1(ProtectionLevel::bound_m, level);
+    call3(Verdict::unavailable, Reason::None, 0.0, None);
+}

@@ -1,0 +1,388 @@
+//! `cargo xtask bench`: executed instructions and bytes, per stage and number of satellites, on the
+//! emulated Cortex-M7, with the bars they must stay under.
+//!
+//! The image measures itself with a timer under QEMU's instruction clock (`-icount`), so a figure
+//! is a count of instructions, the same in every run, and not a time. It prints one line per row,
+//! `row stage n_sats n_states filters instr_median instr_worst stack_b`, `-` where there is nothing.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::checks::checked;
+use crate::elf::Elf;
+use crate::process::{command, output, run_quietly};
+use crate::workspace::Workspace;
+use crate::{Failure, Result, images, setup};
+
+const RUN_LIMIT: Duration = Duration::from_secs(600);
+
+/// Least-squares residual test as P1 computes it, and the parity test with its levels.
+const LEAST_SQUARES: &str = "raim/ls";
+const PARITY: &str = "raim/parity";
+
+/// Executed instructions that a stage may take: what plain C takes for the same work.
+const BARS: [Bar; 3] = [
+    Bar::new(PARITY, 8, 7_300),
+    Bar::new(PARITY, 12, 15_000),
+    Bar::new(PARITY, 24, 54_000),
+];
+
+/// What [P1] claims the least-squares residual method costs more than the parity method.
+const CLAIMED_RATIO: f64 = 2.7;
+
+struct Bar {
+    stage: &'static str,
+    n_sats: u64,
+    max_instructions: u64,
+}
+
+impl Bar {
+    const fn new(stage: &'static str, n_sats: u64, max_instructions: u64) -> Self {
+        Self {
+            stage,
+            n_sats,
+            max_instructions,
+        }
+    }
+}
+
+/// One line of the benchmark; `None` is a figure that does not apply.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Row {
+    stage: String,
+    n_sats: Option<u64>,
+    n_states: Option<u64>,
+    filters: Option<u64>,
+    instr_median: Option<u64>,
+    instr_worst: Option<u64>,
+    f64_ops: Option<u64>,
+    stack_b: Option<u64>,
+    ram_b: Option<u64>,
+    text_b: Option<u64>,
+}
+
+/// What the command line asks for.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct Options<'a> {
+    json: Option<&'a str>,
+    check: bool,
+}
+
+impl<'a> Options<'a> {
+    /// Reads `[--json FILE] [--check]`, nothing when there is anything else.
+    pub fn parse(words: &[&'a str]) -> Option<Self> {
+        let mut options = Self::default();
+        let mut words = words.iter();
+        while let Some(&word) = words.next() {
+            match word {
+                "--check" => options.check = true,
+                "--json" => options.json = Some(*words.next()?),
+                _ => return None,
+            }
+        }
+        Some(options)
+    }
+}
+
+/// Measures, prints the table, and with the options writes it and judges it.
+pub fn run(workspace: &Workspace, options: &Options) -> Result {
+    setup::run(workspace)?;
+    let rows = measure(workspace)?;
+    let rustc = output(command(workspace, "rustc").arg("-V")).unwrap_or_default();
+    print!("{}", table(&rows));
+    println!("{rustc}");
+    if let Some(file) = options.json {
+        fs::write(file, json(&rustc, &rows)).map_err(|error| {
+            Failure::new(
+                format!("cannot write {file}: {error}"),
+                "give --json a file in a folder that exists",
+            )
+        })?;
+        println!("written: {file}");
+    }
+    if options.check { judge(&rows) } else { Ok(()) }
+}
+
+/// The bars alone, as a stage of `cargo xtask test`.
+pub fn check(workspace: &Workspace) -> Result {
+    let rows = measure(workspace)?;
+    print!("{}", table(&rows));
+    judge(&rows)
+}
+
+/// Builds and runs the benchmark and weighs the application's images.
+fn measure(workspace: &Workspace) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for board in &images::BOARDS {
+        rows.push(weigh(board.name, &images::build(workspace, board)?)?);
+    }
+    checked(images::build_command(workspace).args(["--bin", "bench"]))?;
+    let mut qemu = command(workspace, "qemu-system-arm");
+    qemu.args([
+        "-M",
+        setup::BOARD,
+        "-display",
+        "none",
+        "-monitor",
+        "none",
+        "-serial",
+        "null",
+    ])
+    .args(["-semihosting-config", "enable=on,target=native"])
+    .args(["-icount", "shift=6,sleep=off", "-kernel"])
+    .arg(images::built(workspace, "bench"));
+    let printed = run_quietly(workspace, &mut qemu, RUN_LIMIT).map_err(|trouble| {
+        Failure::new(
+            format!("the benchmark on the emulated board {trouble}"),
+            "read firmware/src/bin/bench.rs",
+        )
+    })?;
+    rows.splice(0..0, parse(&printed)?);
+    Ok(rows)
+}
+
+/// Static memory and flash of an application image.
+fn weigh(board: &str, image: &Path) -> Result<Row> {
+    let bytes = images::read(image)?;
+    let elf: Elf = images::parse(image, &bytes)?;
+    let sum = |wanted: fn(&crate::elf::Section) -> bool| {
+        elf.sections()
+            .iter()
+            .filter(|section| section.is_loaded() && wanted(section))
+            .map(|section| u64::from(section.size_bytes))
+            .sum()
+    };
+    Ok(Row {
+        stage: format!("image/{board}"),
+        ram_b: Some(sum(|section| section.is_writable())),
+        text_b: Some(sum(|section| section.is_stored())),
+        ..Row::default()
+    })
+}
+
+/// The rows among the lines of the benchmark.
+fn parse(printed: &str) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for line in printed.lines() {
+        let Some(fields) = line.strip_prefix("row ") else {
+            continue;
+        };
+        rows.push(row(fields).ok_or_else(|| {
+            Failure::new(
+                format!("the benchmark printed `{line}`"),
+                "make firmware/src/bin/bench.rs and xtask/src/bench.rs agree on the form of a row",
+            )
+        })?);
+    }
+    if rows.is_empty() {
+        return Err(Failure::new(
+            format!("the benchmark printed no row, only\n{printed}"),
+            "read firmware/src/bin/bench.rs",
+        ));
+    }
+    Ok(rows)
+}
+
+fn row(fields: &str) -> Option<Row> {
+    let mut words = fields.split_whitespace();
+    let stage = words.next()?.to_owned();
+    let mut number = || match words.next()? {
+        "-" => Some(None),
+        digits => Some(Some(digits.parse().ok()?)),
+    };
+    let row = Row {
+        stage,
+        n_sats: number()?,
+        n_states: number()?,
+        filters: number()?,
+        instr_median: number()?,
+        instr_worst: number()?,
+        stack_b: number()?,
+        ..Row::default()
+    };
+    words.next().is_none().then_some(row)
+}
+
+fn find<'a>(rows: &'a [Row], stage: &str, n_sats: u64) -> Option<&'a Row> {
+    rows.iter()
+        .find(|row| row.stage == stage && row.n_sats == Some(n_sats))
+}
+
+/// The rows, then the ratio of the two tests.
+fn table(rows: &[Row]) -> String {
+    let mut text = String::new();
+    let cell = |value: Option<u64>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
+    let heads = [
+        "sats", "states", "filters", "median", "worst", "stack B", "RAM B", "flash B",
+    ];
+    let _ = write!(text, "{:<20}", "stage");
+    for head in heads {
+        let _ = write!(text, "{head:>10}");
+    }
+    text.push('\n');
+    for row in rows {
+        let _ = write!(text, "{:<20}", row.stage);
+        let values = [
+            row.n_sats,
+            row.n_states,
+            row.filters,
+            row.instr_median,
+            row.instr_worst,
+            row.stack_b,
+            row.ram_b,
+            row.text_b,
+        ];
+        for value in values {
+            let _ = write!(text, "{:>10}", cell(value));
+        }
+        text.push('\n');
+    }
+    text.push_str("median and worst: executed instructions on the emulated Cortex-M7\n\n");
+    for row in rows.iter().filter(|row| row.stage == PARITY) {
+        let Some(n_sats) = row.n_sats else { continue };
+        let least_squares = find(rows, LEAST_SQUARES, n_sats).and_then(|row| row.instr_median);
+        if let (Some(parity), Some(least_squares)) = (row.instr_median, least_squares) {
+            let ratio = least_squares as f64 / parity as f64;
+            let _ = writeln!(
+                text,
+                "N = {n_sats:>2}: least squares / parity = {ratio:.2} ([P1] claims {CLAIMED_RATIO})"
+            );
+        }
+    }
+    text
+}
+
+/// Every bar, met or not; a figure that is missing is not met.
+fn judge(rows: &[Row]) -> Result {
+    let mut missed = Vec::new();
+    for bar in &BARS {
+        let found = find(rows, bar.stage, bar.n_sats).and_then(|row| row.instr_worst);
+        let name = format!("{} with {} satellites", bar.stage, bar.n_sats);
+        let limit = bar.max_instructions;
+        match found {
+            Some(worst) if worst <= limit => println!("{name}: {worst} of {limit} instructions"),
+            Some(worst) => missed.push(format!(
+                "{name} takes {worst} instructions, the bar is {limit}"
+            )),
+            None => missed.push(format!("{name} was not measured")),
+        }
+    }
+    if missed.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::new(
+        missed.join("; "),
+        "make it cheaper; `cargo xtask bench` shows every figure",
+    ))
+}
+
+/// The form of DESIGN section 5.
+fn json(rustc: &str, rows: &[Row]) -> String {
+    let number =
+        |value: Option<u64>| value.map_or_else(|| "null".to_owned(), |value| value.to_string());
+    let rows: Vec<String> = rows
+        .iter()
+        .map(|row| {
+            format!(
+                "{{\"stage\":{},\"n_sats\":{},\"n_states\":{},\"filters\":{},\"instr_median\":{},\
+                 \"instr_worst\":{},\"f64_ops\":{},\"stack_b\":{},\"ram_b\":{},\"text_b\":{}}}",
+                quoted(&row.stage),
+                number(row.n_sats),
+                number(row.n_states),
+                number(row.filters),
+                number(row.instr_median),
+                number(row.instr_worst),
+                number(row.f64_ops),
+                number(row.stack_b),
+                number(row.ram_b),
+                number(row.text_b),
+            )
+        })
+        .collect();
+    format!(
+        "{{\"rustc\":{},\"rows\":[\n{}\n]}}\n",
+        quoted(rustc),
+        rows.join(",\n")
+    )
+}
+
+/// A JSON string.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for character in text.chars() {
+        match character {
+            '"' | '\\' => quoted.extend(['\\', character]),
+            control if control.is_control() => {
+                let _ = write!(quoted, "\\u{:04x}", u32::from(control));
+            }
+            other => quoted.push(other),
+        }
+    }
+    quoted.push('"');
+    quoted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PRINTED: &str = "surefix benchmark\nrow raim/ls 8 - - 14000 14100 900\n\
+        row raim/parity 8 - - 7000 7200 800\nrow raim/parity 12 - - 14000 14500 -\n\
+        row raim/parity 24 - - 50000 54001 -\n";
+
+    #[test]
+    fn rows_are_read_and_other_lines_ignored() {
+        let rows = parse(PRINTED).unwrap();
+        assert_eq!(rows.len(), 4);
+        assert_eq!(rows[0].instr_worst, Some(14_100));
+        assert_eq!(rows[0].n_states, None);
+        assert!(parse("row raim/ls 8 x - 1 1 1").is_err());
+        assert!(parse("row raim/ls 8").is_err());
+        assert!(parse("panicked").is_err());
+    }
+
+    #[test]
+    fn one_instruction_above_a_bar_fails_and_so_does_a_missing_figure() {
+        let mut rows = parse(PRINTED).unwrap();
+        let failure = judge(&rows).unwrap_err();
+        assert!(
+            failure.what.contains("24 satellites takes 54001"),
+            "{failure}"
+        );
+        rows[3].instr_worst = Some(54_000);
+        assert!(judge(&rows).is_ok());
+        rows.remove(1);
+        assert!(judge(&rows).unwrap_err().what.contains("not measured"));
+    }
+
+    #[test]
+    fn the_ratio_is_that_of_the_same_number_of_satellites() {
+        let text = table(&parse(PRINTED).unwrap());
+        assert!(
+            text.contains("N =  8: least squares / parity = 2.00"),
+            "{text}"
+        );
+        assert!(!text.contains("N = 12:"));
+    }
+
+    #[test]
+    fn json_has_null_for_what_does_not_apply_and_escapes_text() {
+        let text = json("rustc \"x\"\\", &parse(PRINTED).unwrap());
+        assert!(
+            text.starts_with("{\"rustc\":\"rustc \\\"x\\\"\\\\\",\"rows\":["),
+            "{text}"
+        );
+        assert!(text.contains("\"stage\":\"raim/ls\",\"n_sats\":8,\"n_states\":null"));
+        assert!(text.contains("\"stack_b\":900,\"ram_b\":null"));
+    }
+
+    #[test]
+    fn options_are_read_in_any_order() {
+        let options = Options::parse(&["--check", "--json", "out.json"]).unwrap();
+        assert_eq!((options.json, options.check), (Some("out.json"), true));
+        assert_eq!(Options::parse(&["--json"]), None);
+        assert_eq!(Options::parse(&["--fast"]), None);
+    }
+}
