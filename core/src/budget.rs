@@ -138,7 +138,10 @@ impl Ledger {
 
     /// Ends an epoch: whether it kept [`EPOCH_BUDGET`].
     pub fn end_epoch(&mut self) -> bool {
-        let total = self.last.iter().fold(0_u32, |sum, work| sum.saturating_add(*work));
+        let total = self
+            .last
+            .iter()
+            .fold(0_u32, |sum, work| sum.saturating_add(*work));
         let kept = total <= EPOCH_BUDGET;
         if !kept {
             self.deadline_misses = self.deadline_misses.saturating_add(1);

@@ -1,9 +1,132 @@
 //! Checked messages to domain types with units. After this line raw integers do not exist.
+//!
+//! [`Ingest`] takes bytes and gives [`Event`]s: a configuration, an ephemeris, an epoch put together
+//! from its messages, the end of the stream. An epoch is complete when a multiple signal message
+//! says that none follows, or a native frame that it is the last; it ends incomplete, and flagged,
+//! when a later one begins or the stream ends. Messages of an epoch that is over are dropped and
+//! counted. Layouts of native payloads: docs/native-frame.md.
 
+mod assembler;
+mod convert;
 mod payload;
+mod week;
+
+use assembler::{Assembler, Outcome};
 
 pub use payload::{
-    MAX_EPOCH_BYTES, ObservationGroup, PayloadError, decode_configuration, decode_ephemeris,
-    decode_klobuchar, encode_configuration, encode_end_of_stream, encode_ephemeris,
-    encode_klobuchar, encode_observations,
+    MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
+    decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
+    encode_ephemeris, encode_klobuchar, encode_observations,
 };
+
+use crate::config::Config;
+use crate::gnss::{Ephemeris, KlobucharParameters, ObservationEpoch};
+use crate::wire::{Counters, Scanner};
+
+/// What bytes turned out to mean.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// All bytes given were used, and nothing is ready.
+    Nothing,
+    /// A configuration, checked.
+    Configuration(Config),
+    /// A broadcast ephemeris.
+    Ephemeris(Ephemeris),
+    /// Ionosphere parameters of a system.
+    Klobuchar(KlobucharParameters),
+    /// Position of the station's antenna reference point in ECEF, m.
+    StationPosition([f64; 3]),
+    /// Every time given before was wrong by this many weeks and is to be moved by them, those of
+    /// stored ephemerides too. [`Ingest::epoch`] is moved already.
+    WeekResolved {
+        /// Weeks to add.
+        shift_weeks: i32,
+    },
+    /// [`Ingest::epoch`] is ready, and stays so until the next call.
+    EpochReady,
+    /// The stream ended.
+    EndOfStream,
+}
+
+/// Bytes to events: scanner, epoch assembler, week and counters. About 25 kB; lives in a static.
+#[derive(Clone, Debug)]
+pub struct Ingest {
+    scanner: Scanner,
+    assembler: Assembler,
+    counters: Counters,
+}
+
+impl Ingest {
+    /// Nothing received.
+    pub const EMPTY: Self = Self {
+        scanner: Scanner::EMPTY,
+        assembler: Assembler::EMPTY,
+        counters: Counters::ZERO,
+    };
+
+    /// Takes bytes until something happened or all are used; tells how many were used and what
+    /// happened. To be called again with the rest until the answer is [`Event::Nothing`].
+    pub fn push(&mut self, bytes: &[u8]) -> (usize, Event) {
+        let mut used: usize = 0;
+        // Each turn ends or uses a byte at least, so there are no more turns than bytes.
+        loop {
+            let event = self.next_event();
+            let rest = bytes.get(used..).unwrap_or(&[]);
+            if !matches!(event, Event::Nothing) || rest.is_empty() {
+                return (used, event);
+            }
+            let fed = self.scanner.feed(rest);
+            if fed == 0 {
+                return (used, Event::Nothing);
+            }
+            used = used.saturating_add(fed);
+        }
+    }
+
+    /// No more bytes will come: gives what is still to happen, one event per call, and
+    /// [`Event::EndOfStream`] at last.
+    pub fn finish(&mut self) -> Event {
+        self.scanner.end();
+        match self.next_event() {
+            Event::Nothing if self.assembler.close_incomplete(&mut self.counters) => {
+                Event::EpochReady
+            }
+            Event::Nothing => Event::EndOfStream,
+            event => event,
+        }
+    }
+
+    /// The epoch that [`Event::EpochReady`] announced.
+    pub const fn epoch(&self) -> &ObservationEpoch {
+        self.assembler.epoch()
+    }
+
+    /// What arrived and what was lost.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// Tells the week the user gave, as a [`Event::Configuration`] frame does too.
+    pub fn configure(&mut self, config: &Config) {
+        self.assembler.configure(config.reference_week);
+    }
+
+    fn next_event(&mut self) -> Event {
+        while self.scanner.find(&mut self.counters) {
+            let Some(frame) = self.scanner.frame() else {
+                self.scanner.release();
+                continue;
+            };
+            match self.assembler.take(frame, &mut self.counters) {
+                Outcome::Used => self.scanner.release(),
+                Outcome::UsedGives(event) => {
+                    self.scanner.release();
+                    return event;
+                }
+                // The same frame comes again, after what it brought to an end was taken.
+                Outcome::FirstGives(event) => return event,
+            }
+        }
+        Event::Nothing
+    }
+}

@@ -54,7 +54,7 @@ pub enum PayloadError {
         /// The number found.
         value: f64,
     },
-    /// A time outside GPS weeks 0 to [`MAX_WEEK`].
+    /// A time outside GPS weeks −1 to [`MAX_WEEK`].
     Time {
         /// GPST, ns.
         ns: i64,
@@ -129,7 +129,8 @@ fn within(value: f64, limit: f64) -> Result<f64, PayloadError> {
 fn time(r: &mut Reader<'_>) -> Result<GpsTime, PayloadError> {
     let ns = r.i64()?;
     let time = GpsTime::from_ns(ns);
-    if ns >= 0 && time.week() <= MAX_WEEK {
+    // A provisional week may be 0, and a toe shortly before it.
+    if (-1..=MAX_WEEK).contains(&time.week()) {
         Ok(time)
     } else {
         Err(PayloadError::Time { ns })
@@ -570,4 +571,9 @@ pub fn decode_configuration(payload: &[u8]) -> Result<Config, PayloadError> {
 /// Writes the frame that ends a stream.
 pub fn encode_end_of_stream(out: &mut [u8]) -> Result<usize, Full> {
     native::encode(Kind::EndOfStream, out, |_| Ok(()))
+}
+
+/// Reads the payload that ends a stream: nothing.
+pub(super) fn decode_end_of_stream(payload: &[u8]) -> Result<(), PayloadError> {
+    end(&Reader::new(payload))
 }

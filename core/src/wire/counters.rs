@@ -99,8 +99,12 @@ counters! {
     epochs_incomplete,
     /// Messages dropped because their epoch is over.
     messages_too_late,
+    /// BDS messages dropped because their time is 14 s ahead of the epoch they belong to.
+    bds_time_contradicted,
     /// Times the receiver went back in time for good.
     time_restarts,
+    /// Bytes of the receiver that found no room on the board before they were looked at.
+    receiver_bytes_lost,
 }
 
 /// Adds one, and stays at the largest value.

@@ -66,7 +66,9 @@ pub fn workspace() -> PathBuf {
 pub fn build(image: &str, features: &[&str]) -> Result<PathBuf, ImageError> {
     // Two builds with other features write the same file.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
-    let _guard = ONE_AT_A_TIME.lock().unwrap_or_else(|lock| lock.into_inner());
+    let _guard = ONE_AT_A_TIME
+        .lock()
+        .unwrap_or_else(|lock| lock.into_inner());
 
     let mut command = Command::new("cargo");
     command

@@ -1,0 +1,364 @@
+//! Messages to epochs.
+
+use super::convert::{self, NoObservation};
+use super::payload::{
+    ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
+    decode_klobuchar,
+};
+use super::week::WeekResolver;
+use super::{Event, PayloadError};
+use crate::gnss::observation::NotAdded;
+use crate::gnss::{NavMessage, ObservationEpoch};
+use crate::time::{GPST_MINUS_BDT_S, GpsTime, NS_PER_S, NS_PER_WEEK};
+use crate::wire::counters::count;
+use crate::wire::native::{Frame, Kind};
+use crate::wire::rtcm3::header::EpochTime;
+use crate::wire::rtcm3::{BroadcastEphemeris, ContentError, Message, Msm, MsmHeader};
+use crate::wire::{Counters, Scanned};
+
+/// So many messages in a row may lie before the last epoch; then the receiver has set its clock back
+/// and is followed. Reordered and repeated messages stay below it, an outage by a wrong time is
+/// bounded by it.
+const MAX_LATE_IN_A_ROW: u8 = 60;
+
+const NS_PER_MS: i64 = 1_000_000;
+
+/// What became of a frame.
+pub(super) enum Outcome {
+    /// Done with it.
+    Used,
+    /// Done with it, and this happened.
+    UsedGives(Event),
+    /// This happened first; the frame is to be given again.
+    FirstGives(Event),
+}
+
+/// Where a message stands to the epoch being put together.
+enum Place {
+    /// Its epoch is open now.
+    Inside,
+    /// A later epoch has to be given out first.
+    After,
+    /// Its epoch is over.
+    Before,
+}
+
+/// The epoch being put together, and the week.
+#[derive(Clone, Debug)]
+pub(super) struct Assembler {
+    epoch: ObservationEpoch,
+    /// More messages of `epoch` are expected.
+    is_open: bool,
+    /// The time of `epoch` is one that was received.
+    has_time: bool,
+    /// Group of a native epoch that comes next.
+    next_group: u8,
+    late_in_a_row: u8,
+    weeks: WeekResolver,
+}
+
+impl Assembler {
+    pub(super) const EMPTY: Self = Self {
+        epoch: ObservationEpoch::EMPTY,
+        is_open: false,
+        has_time: false,
+        next_group: 0,
+        late_in_a_row: 0,
+        weeks: WeekResolver::EMPTY,
+    };
+
+    pub(super) const fn epoch(&self) -> &ObservationEpoch {
+        &self.epoch
+    }
+
+    pub(super) fn configure(&mut self, reference_week: Option<u16>) {
+        self.weeks.configure(reference_week);
+    }
+
+    /// Ends an epoch that waits for more; tells whether there was one.
+    pub(super) fn close_incomplete(&mut self, counters: &mut Counters) -> bool {
+        if !self.is_open {
+            return false;
+        }
+        self.epoch.flags.incomplete = true;
+        self.close(counters);
+        true
+    }
+
+    fn close(&mut self, counters: &mut Counters) {
+        self.is_open = false;
+        count(&mut counters.epochs);
+        if self.epoch.flags.incomplete {
+            count(&mut counters.epochs_incomplete);
+        }
+    }
+
+    pub(super) fn take(&mut self, frame: Scanned<'_>, counters: &mut Counters) -> Outcome {
+        match frame {
+            Scanned::Rtcm3(content) => match Message::parse(content) {
+                Ok(message) => self.take_rtcm3(&message, counters),
+                Err(error) => {
+                    count(match error {
+                        ContentError::Empty => &mut counters.rtcm_empty,
+                        ContentError::Truncated { .. } => &mut counters.rtcm_truncated,
+                        ContentError::TooManyCells { .. } => &mut counters.rtcm_too_many_cells,
+                        ContentError::IllegalValue { .. } => &mut counters.rtcm_illegal_value,
+                    });
+                    Outcome::Used
+                }
+            },
+            Scanned::Native(frame) => match self.take_native(&frame, counters) {
+                Ok(outcome) => outcome,
+                Err(_) => {
+                    count(&mut counters.native_refused);
+                    Outcome::Used
+                }
+            },
+        }
+    }
+
+    fn take_rtcm3(&mut self, message: &Message<'_>, counters: &mut Counters) -> Outcome {
+        match message {
+            Message::Msm(msm) => self.take_msm(msm, counters),
+            Message::MsmHeader(header) => self.take_header(header, counters),
+            Message::Ephemeris(broadcast) => self.take_broadcast(broadcast, counters),
+            Message::Station(station) => {
+                Outcome::UsedGives(Event::StationPosition(station.r_ea_e_m))
+            }
+            Message::Unsupported { .. } => {
+                count(&mut counters.rtcm_unsupported);
+                Outcome::Used
+            }
+            Message::Unknown { .. } => {
+                count(&mut counters.rtcm_unknown);
+                Outcome::Used
+            }
+        }
+    }
+
+    /// GPST of an MSM's epoch.
+    fn time_of(&self, epoch: EpochTime) -> Option<GpsTime> {
+        let (ms, offset_s) = match epoch {
+            EpochTime::Gpst(ms) => (ms, 0),
+            EpochTime::Bdt(ms) => (ms, GPST_MINUS_BDT_S),
+            EpochTime::Other => return None,
+        };
+        let tow_ns = i64::from(ms) * NS_PER_MS + offset_s * NS_PER_S;
+        Some(self.weeks.resolve(tow_ns))
+    }
+
+    fn take_msm(&mut self, msm: &Msm<'_>, counters: &mut Counters) -> Outcome {
+        let header = msm.header();
+        let (Some(time), Some(system)) = (
+            self.time_of(header.epoch),
+            convert::system_of(msm.constellation()),
+        ) else {
+            return Outcome::Used;
+        };
+        // A sender from before the standard gives GPST where BDT belongs. Its time must not be
+        // believed, nor may it break the epoch in two.
+        let is_bdt = matches!(header.epoch, EpochTime::Bdt(_));
+        let ahead_by_offset = self.epoch.time.plus_ns(GPST_MINUS_BDT_S * NS_PER_S);
+        if is_bdt && self.is_open && time == ahead_by_offset {
+            count(&mut counters.bds_time_contradicted);
+            self.epoch.flags.incomplete = true;
+            return self.end_unless(header.more_follow, counters);
+        }
+        match self.place(time, counters) {
+            Place::After => return Outcome::FirstGives(Event::EpochReady),
+            Place::Before => return Outcome::Used,
+            Place::Inside => {}
+        }
+        count(&mut counters.msm_used);
+        let epoch = &mut self.epoch;
+        msm.for_each_cell(
+            |cell| match convert::observation(system, msm.constellation(), &cell) {
+                Ok((satellite, observation)) => {
+                    if let Err(reason) = epoch.add(satellite, observation) {
+                        count_not_added(reason, counters);
+                    }
+                }
+                Err(reason) => count(match reason {
+                    NoObservation::UnknownSatellite => &mut counters.unknown_satellites,
+                    NoObservation::UnknownSignal => &mut counters.unknown_signals,
+                    NoObservation::InvalidPseudorange => &mut counters.invalid_pseudoranges,
+                }),
+            },
+        );
+        self.end_unless(header.more_follow, counters)
+    }
+
+    /// An MSM of which only the header is used: it may be the last of the epoch.
+    fn take_header(&mut self, header: &MsmHeader, counters: &mut Counters) -> Outcome {
+        count(&mut counters.msm_skipped);
+        if !self.is_open {
+            return Outcome::Used;
+        }
+        match self.time_of(header.epoch) {
+            Some(time) if time < self.epoch.time => Outcome::Used,
+            Some(time) if time > self.epoch.time => {
+                self.close_incomplete(counters);
+                Outcome::UsedGives(Event::EpochReady)
+            }
+            // A time that cannot be compared (GLONASS, NavIC) is taken for the epoch's.
+            _ => self.end_unless(header.more_follow, counters),
+        }
+    }
+
+    fn end_unless(&mut self, more_follow: bool, counters: &mut Counters) -> Outcome {
+        if more_follow {
+            Outcome::Used
+        } else {
+            self.close(counters);
+            Outcome::UsedGives(Event::EpochReady)
+        }
+    }
+
+    /// Where a message of an epoch at `time` belongs; opens the epoch if it is a new one.
+    fn place(&mut self, time: GpsTime, counters: &mut Counters) -> Place {
+        if self.is_open && time == self.epoch.time {
+            self.late_in_a_row = 0;
+            return Place::Inside;
+        }
+        if self.has_time && time <= self.epoch.time {
+            if self.late_in_a_row < MAX_LATE_IN_A_ROW {
+                count(&mut counters.messages_too_late);
+                self.late_in_a_row = self.late_in_a_row.saturating_add(1);
+                return Place::Before;
+            }
+            if !self.is_open {
+                count(&mut counters.time_restarts);
+            }
+        }
+        if self.close_incomplete(counters) {
+            return Place::After;
+        }
+        self.late_in_a_row = 0;
+        self.epoch.restart(time);
+        self.epoch.flags.week_unknown = self.weeks.is_unknown();
+        self.is_open = true;
+        self.has_time = true;
+        self.next_group = 0;
+        self.weeks.at_epoch(time);
+        Place::Inside
+    }
+
+    fn take_broadcast(
+        &mut self,
+        broadcast: &BroadcastEphemeris,
+        counters: &mut Counters,
+    ) -> Outcome {
+        let Some((satellite, message)) = convert::satellite_of(broadcast) else {
+            count(&mut counters.unknown_satellites);
+            return Outcome::Used;
+        };
+        let shift_weeks = convert::learn_week(broadcast, &mut self.weeks);
+        if let Some(event) = self.week_learnt(shift_weeks) {
+            return Outcome::FirstGives(event);
+        }
+        let ephemeris = convert::ephemeris(broadcast, satellite, message, &self.weeks);
+        self.count_ephemeris(ephemeris.toe, counters);
+        Outcome::UsedGives(Event::Ephemeris(ephemeris))
+    }
+
+    fn count_ephemeris(&self, toe: GpsTime, counters: &mut Counters) {
+        count(&mut counters.ephemerides);
+        if let Some(reference) = self.weeks.reference() {
+            let apart_ns = toe.ns().wrapping_sub(reference.ns()).unsigned_abs();
+            if apart_ns > NS_PER_WEEK.unsigned_abs() {
+                count(&mut counters.ephemerides_of_another_week);
+            }
+        }
+    }
+
+    /// Moves what is held here when the week became known, and says so.
+    fn week_learnt(&mut self, shift_weeks: i32) -> Option<Event> {
+        self.epoch.flags.week_unknown &= self.weeks.is_unknown();
+        if shift_weeks == 0 {
+            return None;
+        }
+        let shift_ns = i64::from(shift_weeks).wrapping_mul(NS_PER_WEEK);
+        self.epoch.time = self.epoch.time.plus_ns(shift_ns);
+        Some(Event::WeekResolved { shift_weeks })
+    }
+
+    fn take_native(
+        &mut self,
+        frame: &Frame<'_>,
+        counters: &mut Counters,
+    ) -> Result<Outcome, PayloadError> {
+        Ok(match frame.kind() {
+            Some(Kind::Configuration) => {
+                let config = decode_configuration(frame.payload())?;
+                self.configure(config.reference_week);
+                Outcome::UsedGives(Event::Configuration(config))
+            }
+            Some(Kind::Observations) => {
+                self.take_group(&ObservationGroup::decode(frame.payload())?, counters)
+            }
+            Some(Kind::Ephemeris) => {
+                let ephemeris = decode_ephemeris(frame.payload())?;
+                let is_modulo_1024 = ephemeris.message == NavMessage::GpsLnav;
+                let shift_weeks = self
+                    .weeks
+                    .learn_native_ephemeris(ephemeris.toe, is_modulo_1024);
+                if let Some(event) = self.week_learnt(shift_weeks) {
+                    return Ok(Outcome::FirstGives(event));
+                }
+                self.count_ephemeris(ephemeris.toe, counters);
+                Outcome::UsedGives(Event::Ephemeris(ephemeris))
+            }
+            Some(Kind::Klobuchar) => {
+                Outcome::UsedGives(Event::Klobuchar(decode_klobuchar(frame.payload())?))
+            }
+            Some(Kind::EndOfStream) => {
+                decode_end_of_stream(frame.payload())?;
+                if self.close_incomplete(counters) {
+                    Outcome::FirstGives(Event::EpochReady)
+                } else {
+                    Outcome::UsedGives(Event::EndOfStream)
+                }
+            }
+            Some(Kind::Report | Kind::Counters | Kind::OutputInvalid) | None => {
+                count(&mut counters.native_unknown_kind);
+                Outcome::Used
+            }
+        })
+    }
+
+    fn take_group(&mut self, group: &ObservationGroup<'_>, counters: &mut Counters) -> Outcome {
+        let time = if group.flags.week_unknown {
+            self.weeks.resolve_provisional(group.time)
+        } else {
+            let shift_weeks = self.weeks.learn_epoch(group.time);
+            if let Some(event) = self.week_learnt(shift_weeks) {
+                return Outcome::FirstGives(event);
+            }
+            group.time
+        };
+        match self.place(time, counters) {
+            Place::After => return Outcome::FirstGives(Event::EpochReady),
+            Place::Before => return Outcome::Used,
+            Place::Inside => {}
+        }
+        if group.group < self.next_group {
+            count(&mut counters.messages_too_late);
+            return Outcome::Used;
+        }
+        let flags = &mut self.epoch.flags;
+        flags.incomplete |= group.flags.incomplete || group.group > self.next_group;
+        flags.overflow |= group.flags.overflow;
+        flags.clock_reset |= group.flags.clock_reset;
+        self.next_group = group.group.saturating_add(1);
+        group.add_to(&mut self.epoch, |reason| count_not_added(reason, counters));
+        self.end_unless(self.next_group < group.groups, counters)
+    }
+}
+
+fn count_not_added(reason: NotAdded, counters: &mut Counters) {
+    count(match reason {
+        NotAdded::SatellitesFull => &mut counters.satellites_lost,
+        NotAdded::SignalsFull => &mut counters.signals_lost,
+        NotAdded::Duplicate => &mut counters.duplicate_observations,
+    });
+}
