@@ -2,10 +2,8 @@
 
 pub mod faults;
 pub mod campaign;
-pub mod faults;
 pub mod output;
 pub mod replay;
-pub mod qemu;
 pub mod qemu;
 pub mod report;
 pub mod rinex;
