@@ -2,7 +2,6 @@
 
 pub mod faults;
 pub mod qemu;
-pub mod qemu;
 pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;
