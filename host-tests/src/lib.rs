@@ -1,8 +1,14 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod campaign;
 pub mod faults;
+pub mod output;
+pub mod replay;
 pub mod qemu;
 pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;
+pub mod settings;
 pub mod simulate;
+pub mod source;
+pub mod truth;
