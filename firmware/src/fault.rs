@@ -32,7 +32,7 @@ const INVALID: [u8; HEADER_LEN + TRAILER_LEN] = {
 };
 
 /// Sends the frame that withdraws the output, then what is left of the log, then resets.
-fn withdraw_output_and_reset() -> ! {
+pub fn withdraw_output_and_reset() -> ! {
     cortex_m::interrupt::disable();
     let mut output = board::emergency_output();
     output.send(&INVALID);
