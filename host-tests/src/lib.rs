@@ -3,6 +3,7 @@
 pub mod faults;
 pub mod campaign;
 pub mod output;
+pub mod qemu;
 pub mod replay;
 pub mod qemu;
 pub mod report;
