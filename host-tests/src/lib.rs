@@ -5,7 +5,6 @@ pub mod campaign;
 pub mod output;
 pub mod qemu;
 pub mod replay;
-pub mod qemu;
 pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;
