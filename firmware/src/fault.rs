@@ -89,3 +89,35 @@ unsafe fn DefaultHandler(number: i16) -> ! {
     defmt::error!("interrupt {=i16} has no handler", number);
     withdraw_output_and_reset()
 }
+
+/// Failures on request, for the tests of this file on the emulated board.
+#[cfg(feature = "deliberate-fault")]
+pub mod deliberate {
+    use core::sync::atomic::{AtomicU64, Ordering};
+
+    /// The last eight bytes of the stream.
+    static LAST: AtomicU64 = AtomicU64::new(0);
+
+    /// Fails when the stream says so.
+    pub fn on_request(bytes: &[u8]) {
+        for byte in bytes {
+            let last = LAST.load(Ordering::Relaxed) << 8 | u64::from(*byte);
+            LAST.store(last, Ordering::Relaxed);
+            match &last.to_be_bytes() {
+                b"!PANIC!!" => panic!("deliberate"),
+                b"!FAULT!!" => cortex_m::asm::udf(),
+                b"!STACK!!" => drop(overflow(u32::from(*byte))),
+                _ => {}
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn overflow(depth: u32) -> u32 {
+        let frame = core::hint::black_box([depth; 64]);
+        if depth == 0 {
+            return 0;
+        }
+        overflow(depth.wrapping_add(2)).wrapping_add(core::hint::black_box(frame)[1])
+    }
+}
