@@ -13,6 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
+use surefix_host_tests::{campaign, report, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -29,6 +30,12 @@ struct Arguments {
 enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
+    /// Simulate a flight: the bytes a receiver would send, and the truth
+    Simulate(simulate::Args),
+    /// Many trials of one question, counted
+    Campaign(Box<campaign::Args>),
+    /// One self-contained HTML page of a replay
+    Report(report::Args),
 }
 
 #[derive(clap::Args)]
@@ -193,6 +200,9 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
+        Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("surefix: {error:#}");
