@@ -47,6 +47,20 @@ pub struct MsmHeader {
     pub cells: u64,
 }
 
+/// GPST − BDT, ms.
+const GPST_MINUS_BDT_MS: u32 = 14_000;
+
+/// Milliseconds into the BDT week. Receivers were seen that subtract 14 s from the GPST second and do
+/// not return to the week before: the first 14 s of a GPS week then come as −14 s to 0 in 30 bits.
+const fn in_bdt_week(epoch_ms: u32) -> u32 {
+    let below_zero = (1 << 30) - epoch_ms;
+    if below_zero <= GPST_MINUS_BDT_MS {
+        MS_PER_WEEK - below_zero
+    } else {
+        epoch_ms
+    }
+}
+
 /// Constellation and variant of an MSM's number, `None` for another message.
 pub const fn msm_kind(number: u16) -> Option<(Constellation, u8)> {
     let variant = number % 10;
@@ -113,7 +127,7 @@ impl MsmHeader {
             | Constellation::Galileo
             | Constellation::Sbas
             | Constellation::Qzss => EpochTime::Gpst(epoch_ms),
-            Constellation::Bds => EpochTime::Bdt(epoch_ms),
+            Constellation::Bds => EpochTime::Bdt(in_bdt_week(epoch_ms)),
             Constellation::Glonass | Constellation::Navic => EpochTime::Other,
         };
         Some(Self {
@@ -193,6 +207,18 @@ mod tests {
         assert_eq!(header.cells_announced(), 4);
         assert_eq!(header.cells, 0b1010 << 60);
         assert_eq!(header.len_bits(), 173);
+    }
+
+    #[test]
+    fn bdt_below_zero_is_the_end_of_the_week_before() {
+        assert_eq!(in_bdt_week((1 << 30) - 14_000), MS_PER_WEEK - 14_000);
+        assert_eq!(in_bdt_week((1 << 30) - 1), MS_PER_WEEK - 1);
+        assert_eq!(in_bdt_week(0), 0);
+        assert_eq!(in_bdt_week(604_799_000), 604_799_000);
+        assert!(
+            in_bdt_week((1 << 30) - 14_001) > MS_PER_WEEK,
+            "refused later"
+        );
     }
 
     #[test]
