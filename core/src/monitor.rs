@@ -130,9 +130,13 @@ impl Monitor {
         let epoch = self.ingest.epoch();
         let first_epoch = *self.first_epoch.get_or_insert(epoch.time);
         self.ledger.begin_epoch();
-        let mut assessment =
-            self.snapshot
-                .assess(epoch, &self.store, &self.ionosphere, &mut self.ledger, counter);
+        let mut assessment = self.snapshot.assess(
+            epoch,
+            &self.store,
+            &self.ionosphere,
+            &mut self.ledger,
+            counter,
+        );
         if !self.ledger.end_epoch() {
             assessment.verdict.integrity = Integrity::Unavailable;
             assessment.verdict.reason = Reason::DeadlineMissed;
@@ -177,7 +181,11 @@ fn report_of(
     EpochReport {
         time: epoch.time,
         since_first_ns: epoch.time.ns().wrapping_sub(first_epoch.ns()),
-        mode: if fix.is_some() { Mode::Snapshot } else { Mode::None },
+        mode: if fix.is_some() {
+            Mode::Snapshot
+        } else {
+            Mode::None
+        },
         fix,
         verdict: assessment.verdict,
         used: assessment

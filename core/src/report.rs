@@ -8,7 +8,7 @@ use crate::gnss::satellite::SatelliteSet;
 use crate::gnss::{System, solution::SATELLITE_REASONS};
 use crate::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
 use crate::time::GpsTime;
-use crate::wire::native::{self, Full, Kind, Reader, ReadError, Writer};
+use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
 
 /// A position and what goes with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -282,7 +282,11 @@ fn three(reader: &mut Reader<'_>) -> Result<[f64; 3], ReadError> {
 }
 
 fn set(reader: &mut Reader<'_>) -> Result<SatelliteSet, ReadError> {
-    Ok(SatelliteSet::from_masks([reader.u64()?, reader.u64()?, reader.u64()?]))
+    Ok(SatelliteSet::from_masks([
+        reader.u64()?,
+        reader.u64()?,
+        reader.u64()?,
+    ]))
 }
 
 fn level(reader: &mut Reader<'_>) -> Result<ProtectionLevel, ReportError> {

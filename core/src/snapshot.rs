@@ -13,11 +13,11 @@
 use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
 use crate::config::{Config, ConfigError};
 use crate::consts::MAX_SATELLITES;
-use crate::gnss::solution::{SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace};
-use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
-use crate::integrity::{
-    Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict,
+use crate::gnss::solution::{
+    SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
 };
+use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use crate::integrity::{Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict};
 use crate::linalg::qr::WhitenedQr;
 use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
 use crate::raim::slope::{NoLevel, Sensitivity, semi_major_axis_m};
@@ -160,11 +160,8 @@ impl SnapshotMonitor {
             hpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
             vpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
         };
-        let mut verdict = Verdict::unavailable(
-            Reason::None,
-            requirements.hal_m,
-            requirements.val_m,
-        );
+        let mut verdict =
+            Verdict::unavailable(Reason::None, requirements.hal_m, requirements.val_m);
         for stage in &STAGES {
             let begin = counter.now();
             match stage.stage {
@@ -385,7 +382,10 @@ mod tests {
         let limits = Phase::Lpv200.requirements();
         let state = |test, hpl_m, vpl_m| judge(&progress(test, hpl_m, vpl_m), &limits);
         let inside = state(Test::Passed, 39.0, 34.0);
-        assert_eq!((inside.integrity, inside.reason), (Integrity::Nominal, Reason::None));
+        assert_eq!(
+            (inside.integrity, inside.reason),
+            (Integrity::Nominal, Reason::None)
+        );
         let inside = state(Test::PassedWithout, 39.0, 34.0);
         assert_eq!(inside.integrity, Integrity::Excluded);
         for (hpl_m, vpl_m, reason) in [

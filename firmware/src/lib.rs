@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`ring`] | receiver interrupt to worker, lock-free |
 //! | `board` | registers, memory, clocks and UARTs of the board chosen by feature |
+//! | `worker` | ring to monitor to output |
 //! | `fault` | panic and fault handlers: the output becomes invalid, then the chip resets |
 //!
 //! The application is `bin/surefix.rs`. On a PC only [`ring`] exists, so that the whole workspace
@@ -15,3 +16,5 @@ pub mod board;
 #[cfg(target_os = "none")]
 pub mod fault;
 pub mod ring;
+#[cfg(target_os = "none")]
+pub mod worker;

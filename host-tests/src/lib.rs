@@ -1,7 +1,15 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
 pub mod faults;
+pub mod campaign;
+pub mod output;
 pub mod qemu;
+pub mod replay;
+pub mod qemu;
+pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;
+pub mod settings;
 pub mod simulate;
+pub mod source;
+pub mod truth;

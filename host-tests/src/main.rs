@@ -1,3 +1,201 @@
 //! The `surefix` command.
+//!
+//! Exit code 0: done. 1: finished, but the input had errors that cost epochs. 2: unusable input or
+//! arguments; the message says what to do.
 
-fn main() {}
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use anyhow::{Context, Result, bail};
+use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use surefix_host_tests::faults::FaultSpec;
+use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
+use surefix_host_tests::settings::Settings;
+use surefix_host_tests::truth::Truth;
+
+#[derive(Parser)]
+#[command(
+    name = "surefix",
+    version,
+    about = "GNSS integrity monitor: replay, simulation, campaigns, reports"
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Run a recording through the monitor
+    Replay(Box<ReplayArguments>),
+}
+
+#[derive(clap::Args)]
+struct ReplayArguments {
+    /// RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; recognised by content
+    #[arg(long, value_name = "FILE")]
+    gnss: PathBuf,
+    /// RINEX 3 or 4 navigation file; may be given several times
+    #[arg(long, value_name = "FILE")]
+    nav: Vec<PathBuf>,
+    /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, or RTKLIB .pos
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "at_llh"])]
+    truth: Option<PathBuf>,
+    /// True position of a fixed antenna, ECEF, m
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        allow_hyphen_values = true,
+        conflicts_with = "at_llh"
+    )]
+    at: Option<String>,
+    /// True position of a fixed antenna, degrees and metres above WGS-84
+    #[arg(long, value_name = "LAT,LON,H", allow_hyphen_values = true)]
+    at_llh: Option<String>,
+    #[command(flatten)]
+    settings: Settings,
+    /// Fault to put on a satellite: SAT:KIND:MAG:T0:T1[:rr][:PERIOD], KIND one of step, ramp, noise,
+    /// walk, osc; may be given several times
+    #[arg(long, value_name = "SPEC", allow_hyphen_values = true)]
+    fault: Vec<String>,
+    /// Seed of random faults
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Settings in TOML; flags win over it
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Where the monitor runs
+    #[arg(long, value_enum, default_value = "host")]
+    on: Machine,
+    /// Directory to write epochs.csv, errors.csv and summary.json to
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+fn triple(name: &str, text: &str) -> Result<[f64; 3]> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|value: &f64| value.is_finite())
+        })
+        .collect();
+    match numbers.as_deref() {
+        Some(&[a, b, c]) => Ok([a, b, c]),
+        _ => bail!("{name} \"{text}\" is not three numbers separated by commas"),
+    }
+}
+
+impl ReplayArguments {
+    fn options(&self) -> Result<ReplayOptions> {
+        let truth = match (&self.truth, &self.at, &self.at_llh) {
+            (Some(path), _, _) => TruthChoice::Given(Truth::read(path)?),
+            (_, Some(text), _) => TruthChoice::Given(Truth::fixed(triple("--at", text)?, "--at")),
+            (_, _, Some(text)) => {
+                let [lat, lon, height] = triple("--at-llh", text)?;
+                if lat.abs() > 90.0 || lon.abs() > 360.0 {
+                    bail!("--at-llh \"{text}\" is not latitude, longitude in degrees and height");
+                }
+                TruthChoice::Given(Truth::fixed_llh([lat, lon, height], "--at-llh"))
+            }
+            (None, None, None) => TruthChoice::FromRecording,
+        };
+        let faults: Result<Vec<FaultSpec>, _> = self.fault.iter().map(|s| s.parse()).collect();
+        Ok(ReplayOptions {
+            gnss: self.gnss.clone(),
+            nav: self.nav.clone(),
+            truth,
+            config: self
+                .settings
+                .clone()
+                .over_file(self.config.as_ref())?
+                .config()?,
+            faults: faults?,
+            seed: self.seed,
+            machine: self.on,
+        })
+    }
+}
+
+fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
+    let options = arguments.options()?;
+    // The default draw target hides itself where stderr is no terminal.
+    let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+    bar.set_style(
+        ProgressStyle::with_template("{bar:40} {pos}/{len} epochs, {eta} left")
+            .context("progress bar")?,
+    );
+    let result = replay::run(&options, &mut |done, all| {
+        bar.set_length(all);
+        bar.set_position(done);
+    })?;
+    bar.finish_and_clear();
+    replay::write(&options, &result, &arguments.out)?;
+    print_summary(&result, arguments);
+    Ok(if result.lost_epochs() {
+        ExitCode::from(1)
+    } else {
+        ExitCode::SUCCESS
+    })
+}
+
+fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
+    let summary = &result.summary;
+    let metres = |value: Option<f64>| value.map_or("-".into(), |m| format!("{m:.2} m"));
+    println!(
+        "{}: {} epochs, {} with a position",
+        result.info.format, summary.epochs, summary.epochs_with_position
+    );
+    let states: Vec<String> = summary
+        .integrity
+        .iter()
+        .map(|(state, count)| format!("{state} {count}"))
+        .collect();
+    println!("verdicts: {}", states.join(", "));
+    println!(
+        "levels: median HPL {}, VPL {}",
+        metres(summary.median_hpl_m),
+        metres(summary.median_vpl_m)
+    );
+    match &summary.truth {
+        Some(source) => {
+            let errors = &summary.errors;
+            println!(
+                "errors against {source}: H95 {}, V95 {}, largest {} and {}; above a level in {} epochs",
+                metres(errors.h95_m),
+                metres(errors.v95_m),
+                metres(errors.max_h_m),
+                metres(errors.max_v_m),
+                errors.epochs_above_level
+            );
+        }
+        None => println!("errors: no truth known; give --truth, --at or --at-llh"),
+    }
+    for interval in &summary.exclusions {
+        println!(
+            "excluded: {} from {} s to {} s, {} epochs",
+            interval.satellite.as_deref().unwrap_or("-"),
+            interval.from_s,
+            interval.to_s,
+            interval.epochs
+        );
+    }
+    for (cause, count) in &result.losses {
+        println!("input: {cause} {count}");
+    }
+    println!("written: {}", arguments.out.display());
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let outcome = match &arguments.command {
+        Command::Replay(arguments) => replay(arguments),
+    };
+    outcome.unwrap_or_else(|error| {
+        eprintln!("surefix: {error:#}");
+        ExitCode::from(2)
+    })
+}

@@ -10,6 +10,9 @@ use crate::stages::Stages;
 use crate::workspace::{TARGET, Workspace};
 use crate::{Failure, Result, sizes};
 
+/// The image that every board runs.
+pub const APPLICATION: &str = "surefix";
+
 /// A board the application is linked for.
 pub struct Board {
     /// Its name, also of `firmware/expected/NAME.size`.
@@ -54,10 +57,10 @@ pub fn check(workspace: &Workspace, stages: &mut Stages) {
 /// Builds the application for a board; a copy of the image that the next board does not overwrite.
 pub fn build(workspace: &Workspace, board: &Board) -> Result<PathBuf> {
     let mut call = build_command(workspace);
-    call.args(["--bin", "surefix"]).args(board.features);
+    call.args(["--bin", APPLICATION]).args(board.features);
     checked(&mut call)?;
     let copy = workspace.scratch().join(format!("{}.elf", board.name));
-    fs::copy(built(workspace, "surefix"), &copy)
+    fs::copy(built(workspace, APPLICATION), &copy)
         .map_err(|error| unreadable(&copy, &error.to_string()))?;
     Ok(copy)
 }

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`setup`] | brings a machine to the point where the rest runs: target, components, QEMU |
 //! | [`checks`], [`stages`] | every check and test, timed, with one summary |
+//! | [`demo`] | an approach with a fault through the emulated board |
 //! | [`bench`] | instructions and bytes per stage on the emulated board, and their bars |
 //! | [`rules`], [`documentation`] | rules of the workspace that no compiler checks |
 //! | [`images`], [`elf`], [`sizes`] | the firmware images and what is in them |
@@ -14,6 +15,7 @@
 
 mod bench;
 mod checks;
+mod demo;
 mod documentation;
 mod elf;
 mod images;
@@ -83,6 +85,7 @@ fn main() -> ExitCode {
     let outcome = match words.as_slice() {
         ["setup"] => setup::run(&workspace),
         ["test"] => checks::run(&workspace),
+        ["demo"] => demo::run(&workspace),
         ["bench", rest @ ..] => match bench::Options::parse(rest) {
             Some(options) => bench::run(&workspace, &options),
             None => return usage(),

@@ -12,7 +12,7 @@
 //! | C      | `c_enu_e` | 3 × 3 |      | takes a vector from e axes to enu axes        |
 //!
 //! Equations: Bowring's iteration [BOWRING-1976] → [`to_llh`]; the ellipsoid's parametric form
-//! [NGA.STND.0036] 4.1 → [`to_ecef`]. Keys: docs/references.md.
+//! [NGA.STND.0036] → [`to_ecef`]. Keys: docs/references.md.
 //! Accuracy: a round trip stays within four roundings of the radius (4e-9 m at the ground, 3e-8 m at
 //! 40,000 km) from 5,000 km below the surface up, the poles included.
 
@@ -108,7 +108,7 @@ fn unit(x: f64, y: f64) -> (f64, f64) {
     (x * inverse, y * inverse)
 }
 
-/// Position in ECEF axes of geodetic coordinates, m. [NGA.STND.0036] 4.1
+/// Position in ECEF axes of geodetic coordinates, m. [NGA.STND.0036]
 pub fn to_ecef(llh: &Llh) -> Vector3<f64> {
     let (sin_phi, cos_phi) = libm::sincos(llh.lat_rad);
     let (sin_lambda, cos_lambda) = libm::sincos(llh.lon_rad);

@@ -5,10 +5,12 @@ pub mod clock;
 pub mod ephemeris;
 pub mod klobuchar;
 pub mod measurement;
+mod normals;
 pub mod observation;
 pub mod orbit;
 pub mod satellite;
 pub mod signal;
+pub mod solution;
 pub mod store;
 pub mod weights;
 

@@ -11,8 +11,8 @@
 //! | Qᵀz    | `rows`      | n        | 1    | first m: R x; the last n − m: the parity vector p   |
 //! | v, β   | `rows`, `beta` |       |      | reflector H = I − β v vᵀ                            |
 //!
-//! Equations: reflector [GOLUB-VANLOAN] 5.1.2, factorization 5.2.2 (algorithm 5.2.1), backward
-//! accumulation of Q₁ 5.1.6. Keys: docs/references.md.
+//! Equations: reflectors and their backward accumulation [GOLUB-VANLOAN] 5.1, factorization 5.2; parity
+//! vector [P1] (11) to (14). Keys: docs/references.md.
 //! Departures: the residuals ride along as one more column; each pass over the rows applies one
 //! reflector and gathers the inner products of the next. The row length is a compile-time constant.
 //! Cost: (m + 1) passes for the factorization, m for Q₁, m square roots.
@@ -180,7 +180,7 @@ impl WhitenedQr {
         &self.r_inverse
     }
 
-    /// The parity vector p: the last n − m entries of Qᵀz. [P1] (12)
+    /// The parity vector p: the last n − m entries of Qᵀz. [P1] (14)
     pub fn parity(&self) -> impl Iterator<Item = f64> + '_ {
         let m = self.m;
         self.rows
@@ -415,7 +415,7 @@ fn invert<const M: usize>(
 }
 
 /// Q₁ = H₀H₁…H₍ₘ₋₁₎ times the first m columns of the identity, last reflector first, so that each
-/// touches only the columns from its own on. [GOLUB-VANLOAN] 5.1.6
+/// touches only the columns from its own on. [GOLUB-VANLOAN] 5.1
 #[inline(never)]
 fn accumulate<const M: usize>(
     rows: &[Row],

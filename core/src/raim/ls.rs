@@ -84,7 +84,6 @@ pub fn test(
 
 #[expect(
     clippy::indexing_slicing,
-    clippy::needless_range_loop,
     reason = "the textbook's indices; rows of MAX_UNKNOWNS entries, indices below M ≤ MAX_UNKNOWNS"
 )]
 #[inline(never)]

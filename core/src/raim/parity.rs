@@ -8,7 +8,7 @@
 //! | p      | [`WhitenedQr::parity`] | n − m | 1 | parity vector, the last rows of Qᵀ times z |
 //! | SSE    | `sum_of_squares` | 1 | 1 | p·p, equal to the squared residuals of least squares |
 //!
-//! Equations: [P1] (12) to (14) with the parity matrix taken from a QR factorization (ERRATA: no inverse
+//! Equations: [P1] (11) to (14) with the parity matrix taken from a QR factorization (ERRATA: no inverse
 //! is needed, p = Vz is (n − m) × 1), rows divided by their sigmas; equivalence with the residuals
 //! [BROWN-1992]. Keys: docs/references.md.
 

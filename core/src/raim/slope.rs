@@ -92,7 +92,6 @@ impl Sensitivity {
 
     #[expect(
         clippy::indexing_slicing,
-        clippy::needless_range_loop,
         reason = "formula by indices; rows of MAX_UNKNOWNS entries, indices below M ≤ MAX_UNKNOWNS"
     )]
     #[inline(never)]

@@ -10,7 +10,7 @@
 //! | λ      | `noncentrality`      | 1    | squared length of the mean           |
 //! | wⱼ     | `weight`             | 1    | Poisson weight e^(−λ/2) (λ/2)ʲ/j!    |
 //!
-//! Equations: [AS] 26.4.2, 26.4.19 central → [`lower_tail`], [`upper_tail`]; [AS] 26.4.25 non-central as
+//! Equations: [AS] 26.4 central → [`lower_tail`], [`upper_tail`]; [AS] 26.4 non-central as
 //! a Poisson mixture of central ones → [`noncentral_lower_tail`], [`noncentral_upper_tail`];
 //! [AS] 26.4.17 (Wilson and Hilferty) starting value → [`upper_quantile`]. Keys: docs/references.md.
 //! Accuracy: 1e-10 relative down to tails of 1e-12 (host-tests/tests/stats_golden.rs).
@@ -103,8 +103,8 @@ pub fn noncentral_upper_quantile(
     check_degrees(degrees_of_freedom)?;
     check_noncentrality(noncentrality)?;
     let p = check_probability(p)?;
-    // [AS] 26.4.17 for the central variable, 26.4.28 scales it to the first two moments of the
-    // non-central one. Only a start: the search below does not depend on its quality.
+    // [AS] 26.4.17 for the central variable, scaled to the first two moments of the non-central one
+    // (Patnaik). Only a start: the search below does not depend on its quality.
     let z = normal::upper_quantile(p)?;
     let mean = f64::from(degrees_of_freedom) + noncentrality;
     let scale = (mean + noncentrality) / mean;
@@ -191,8 +191,8 @@ struct Tail {
     slope_in_noncentrality: f64,
 }
 
-/// [AS] 26.4.25 summed from a term beyond the last that counts down to the first: in that direction
-/// [DLMF] 8.8.5 only adds, and neither the weights nor the central tails underflow on the way.
+/// [AS] 26.4 summed from a term beyond the last that counts down to the first: in that direction
+/// [DLMF] 8.8 only adds, and neither the weights nor the central tails underflow on the way.
 fn lower_with_slopes(
     degrees_of_freedom: u32,
     noncentrality: f64,
@@ -238,7 +238,7 @@ fn lower_with_slopes(
     }
 
     // What lies beyond `last` is at most a geometric series: wⱼ₊₁/wⱼ = (λ/2)/(j+1), and the central
-    // tails fall at least by (x/2)/(k/2+j+1) ([DLMF] 8.7.1 term by term).
+    // tails fall at least by (x/2)/(k/2+j+1) ([DLMF] 8.7 term by term).
     let next = f64::from(last) + 1.0;
     let fall = half_x / (order + next);
     let ratio = half_lambda / next * if fall < 1.0 { fall } else { 1.0 };
@@ -250,7 +250,7 @@ fn lower_with_slopes(
     })
 }
 
-/// The same mixture of upper tails, summed upwards, where [DLMF] 8.8.6 only adds.
+/// The same mixture of upper tails, summed upwards, where [DLMF] 8.8 only adds.
 fn upper_with_slope(
     degrees_of_freedom: u32,
     noncentrality: f64,

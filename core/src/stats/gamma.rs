@@ -3,7 +3,7 @@
 //! In: twice the order (a whole number: the degrees of freedom of a chi-square variable), x ≥ 0.
 //! Out: the lower or the upper part; each with its own relative accuracy, however small.
 //!
-//! Equations: [DLMF] 8.7.1 series → [`lower`] left of the order; [DLMF] 8.8.6 recurrence down to
+//! Equations: [DLMF] 8.7 series → [`lower`] left of the order; [DLMF] 8.8 recurrence down to
 //! Q(1/2, x) = erfc(√x) or Q(1, x) = e⁻ˣ → [`upper`] right of the order. On the other side each is one
 //! minus the other, where that costs no digits. All terms are positive. Keys: docs/references.md.
 //! Cost: at most a + 10√a terms.
@@ -16,7 +16,7 @@ pub(super) const MAX_TWICE_ORDER: u32 = 20_000;
 /// Terms of the series before it is given up; left of the order 10√a + 40 suffice.
 const MAX_SERIES_TERMS: usize = 1_200;
 
-/// xᵃ e⁻ˣ / Γ(a + 1), the step of the recurrences [DLMF] 8.8.5 and 8.8.6; x > 0, a ≥ −1/2.
+/// xᵃ e⁻ˣ / Γ(a + 1), the step of the recurrences [DLMF] 8.8; x > 0, a ≥ −1/2.
 pub(super) fn recurrence_step(a: f64, x: f64) -> f64 {
     libm::exp(a * libm::log(x) - x - libm::lgamma(a + 1.0))
 }
@@ -57,7 +57,7 @@ fn check(twice_order: u32, x: f64) -> Result<(f64, f64), StatsError> {
     Ok((0.5 * f64::from(twice_order), check_argument(x)?))
 }
 
-/// [DLMF] 8.7.1: P(a, x) = Σₖ x^(a+k) e⁻ˣ / Γ(a+k+1), for x < a.
+/// [DLMF] 8.7: P(a, x) = Σₖ x^(a+k) e⁻ˣ / Γ(a+k+1), for x < a.
 fn lower_by_series(a: f64, x: f64) -> Result<f64, StatsError> {
     if x == 0.0 {
         return Ok(0.0);
@@ -76,7 +76,7 @@ fn lower_by_series(a: f64, x: f64) -> Result<f64, StatsError> {
     Err(StatsError::NotConverged)
 }
 
-/// [DLMF] 8.8.6 from the order down: Q(a, x) = Q(a−1, x) + x^(a−1) e⁻ˣ / Γ(a), for x ≥ a, where each
+/// [DLMF] 8.8 from the order down: Q(a, x) = Q(a−1, x) + x^(a−1) e⁻ˣ / Γ(a), for x ≥ a, where each
 /// term is at most the one before.
 fn upper_by_recurrence(twice_order: u32, x: f64) -> f64 {
     let steps = twice_order / 2;

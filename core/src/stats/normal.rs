@@ -7,7 +7,7 @@
 //! | Q(x)   | [`upper_tail`] | 1 | P(Z > x), Z standard normal |
 //! | Q⁻¹(p) | [`upper_quantile`] | 1 | the x with Q(x) = p |
 //!
-//! Equations: Q(x) = erfc(x/√2)/2, [DLMF] 7.2.2 with the density [AS] 26.2.1; starting value of the
+//! Equations: Q(x) = erfc(x/√2)/2, [DLMF] 7.2 with the density [AS] 26.2; starting value of the
 //! quantile [AS] 26.2.23, improved by Halley's method. Keys: docs/references.md.
 //! Accuracy: 1e-13 relative for probabilities down to 1e-300; where the quantile itself passes zero, at
 //! p = 1/2, 1e-16 absolute (host-tests/tests/stats_golden.rs).
@@ -22,7 +22,7 @@ const FRAC_1_SQRT_TAU: f64 = 0.398_942_280_401_432_7;
 /// number of right digits by three, so that two reach rounding; the third is margin.
 const HALLEY_STEPS: usize = 3;
 
-/// Density of the standard normal distribution. [AS] 26.2.1.
+/// Density of the standard normal distribution. [AS] 26.2.
 pub fn density(x: f64) -> f64 {
     FRAC_1_SQRT_TAU * libm::exp(-0.5 * x * x)
 }

@@ -103,6 +103,8 @@ counters! {
     bds_time_contradicted,
     /// Times the receiver went back in time for good.
     time_restarts,
+    /// Bytes of the receiver that found no room on the board before they were looked at.
+    receiver_bytes_lost,
 }
 
 /// Adds one, and stays at the largest value.

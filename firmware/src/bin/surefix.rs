@@ -1,10 +1,13 @@
-//! The application: receiver bytes in, one output frame per epoch out.
+//! The application: receiver bytes in, one report frame per epoch out.
 //!
 //! | task | priority | what it does |
 //! |---|---|---|
 //! | `receive` | 2, interrupt of the receiver's UART | byte into the ring, wakes `work` |
-//! | `work` | 1, pended by `receive` | ring to monitor, epochs processed, frames sent |
+//! | `work` | 1, pended by `receive` | ring to monitor; assesses epochs, sends their reports |
 //! | `idle` | 0 | sends the log, sleeps |
+//!
+//! After an end-of-stream frame the counters and an end-of-stream frame go out; the application then
+//! waits for more bytes.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -13,7 +16,10 @@ fn main() {}
 #[cfg(target_os = "none")]
 #[rtic::app(device = surefix_firmware::board, peripherals = false)]
 mod app {
-    use surefix_firmware::board::{self, Interrupt, Ports, log, memory::RECEIVED};
+    use surefix_firmware::board::memory::{MONITOR, RECEIVED};
+    use surefix_firmware::board::{self, Interrupt, Ports, log};
+    use surefix_firmware::fault;
+    use surefix_firmware::worker::Worker;
 
     #[shared]
     struct Shared {}
@@ -21,8 +27,7 @@ mod app {
     #[local]
     struct Local {
         receiver: board::Receiver,
-        output: board::Transmitter,
-        acknowledge: board::Acknowledge,
+        worker: Worker,
     }
 
     #[init]
@@ -31,17 +36,15 @@ mod app {
             receiver,
             output,
             acknowledge,
-            ..
+            cycles,
         } = board::start();
         defmt::info!("surefix {=str}", env!("CARGO_PKG_VERSION"));
-        (
-            Shared {},
-            Local {
-                receiver,
-                output,
-                acknowledge,
-            },
-        )
+        // `init` runs once, so the monitor is there.
+        let Some(monitor) = MONITOR.try_take() else {
+            fault::withdraw_output_and_reset()
+        };
+        let worker = Worker::new(monitor, &RECEIVED, output, acknowledge, cycles);
+        (Shared {}, Local { receiver, worker })
     }
 
     #[task(binds = RECEIVER, priority = 2, local = [receiver])]
@@ -56,22 +59,9 @@ mod app {
         rtic::pend(Interrupt::WORKER);
     }
 
-    #[task(binds = WORKER, priority = 1, local = [output, acknowledge, chunk: [u8; 256] = [0; 256]])]
+    #[task(binds = WORKER, priority = 1, local = [worker])]
     fn work(context: work::Context) {
-        let work::LocalResources {
-            output,
-            acknowledge,
-            chunk,
-            ..
-        } = context.local;
-        loop {
-            let count = RECEIVED.pop(chunk);
-            if count == 0 {
-                return;
-            }
-            output.send(chunk.get(..count).unwrap_or_default());
-            acknowledge.taken(count);
-        }
+        context.local.worker.run();
     }
 
     #[idle]

@@ -19,6 +19,7 @@ mod observation;
 use std::io::Read;
 use std::path::Path;
 
+pub use fields::calendar;
 pub use navigation::{NavigationFile, TimedEphemeris};
 pub use observation::{ObservationCounts, ObservationHeader, ObservationReader};
 

@@ -23,6 +23,13 @@ use super::fields::{calendar, columns, integer, label, number, satellite};
 /// Width of one observation: F14.3 and two flags.
 const FIELD: usize = 16;
 
+/// What no receiver measures: m, cycles. Beyond it a field is broken, not far away.
+const MAX_RANGE: f64 = 1e10;
+/// Largest Doppler, Hz: 1000 km/s at the highest carrier.
+const MAX_DOPPLER_HZ: f64 = 5e6;
+/// Largest carrier-to-noise density, dB-Hz; receivers that print other units have none.
+const MAX_CN0_DBHZ: f64 = 100.0;
+
 /// Columns of one signal's observations in a satellite's line.
 #[derive(Clone, Copy, Debug)]
 struct SignalColumns {
@@ -70,7 +77,7 @@ pub struct ObservationCounts {
     pub bad_epochs: u64,
     /// Satellite lines that could not be read.
     pub bad_lines: u64,
-    /// Fields that are no number.
+    /// Fields that are no number, or one no receiver measures.
     pub bad_fields: u64,
     /// Signals or satellites that an epoch has no room for.
     pub no_room: u64,
@@ -293,9 +300,9 @@ impl<'t> ObservationReader<'t> {
             }
         };
         let bad_fields = &mut self.counts.bad_fields;
-        let mut field = |index: Option<usize>| -> Option<f64> {
+        let mut field = |index: Option<usize>, limit: f64| -> Option<f64> {
             let from = 3 + FIELD * index?;
-            let value = number(line, from, from + 14);
+            let value = number(line, from, from + 14).filter(|value| value.abs() <= limit);
             if value.is_none() && !columns(line, from, from + 14).trim().is_empty() {
                 *bad_fields += 1;
             }
@@ -304,12 +311,14 @@ impl<'t> ObservationReader<'t> {
         for places in &self.columns[satellite.system().index()] {
             let observation = SignalObservation {
                 signal: places.signal,
-                pseudorange_m: field(places.code),
-                carrier_phase_cycles: field(places.phase),
-                range_rate_mps: places
-                    .wavelength_m
-                    .and_then(|wavelength_m| Some(-wavelength_m * field(places.doppler)?)),
-                cn0_dbhz: field(places.strength).map(|cn0| cn0 as f32),
+                pseudorange_m: field(places.code, MAX_RANGE),
+                carrier_phase_cycles: field(places.phase, MAX_RANGE),
+                range_rate_mps: places.wavelength_m.and_then(|wavelength_m| {
+                    Some(-wavelength_m * field(places.doppler, MAX_DOPPLER_HZ)?)
+                }),
+                cn0_dbhz: field(places.strength, MAX_CN0_DBHZ)
+                    .filter(|cn0| *cn0 > 0.0)
+                    .map(|cn0| cn0 as f32),
             };
             let measured = observation.pseudorange_m.is_some()
                 || observation.carrier_phase_cycles.is_some()

@@ -11,6 +11,7 @@
 
 use cortex_m::peripheral::DWT;
 use stm32h7::stm32h743::Peripherals;
+use surefix_core::budget::CycleCounter;
 
 /// Clock of the UARTs, Hz.
 pub(super) const APB1_HZ: u32 = 120_000_000;
@@ -91,14 +92,13 @@ pub(super) fn start_counter(core: &mut cortex_m::Peripherals) {
     core.DWT.enable_cycle_counter();
 }
 
-/// The cycle counter: CPU cycles at 480 MHz.
+/// The cycle counter handed to core: CPU cycles at 480 MHz.
 #[derive(Clone, Copy, Debug)]
 pub struct Cycles;
 
-impl Cycles {
-    /// Cycles since the start, modulo 2³².
-    #[inline(always)]
-    pub fn ticks(self) -> u32 {
+impl CycleCounter for Cycles {
+    #[inline]
+    fn now(&mut self) -> u32 {
         DWT::cycle_count()
     }
 }

@@ -4,6 +4,7 @@
 //! instructions = ticks × 40 / 64, exact because an instruction is longer than a tick.
 
 use core::ptr::{read_volatile, write_volatile};
+use surefix_core::budget::CycleCounter;
 
 const TIMER1: usize = 0x4000_1000;
 const CTRL: *mut u32 = TIMER1 as *mut u32;
@@ -20,20 +21,43 @@ pub(super) fn start() {
     }
 }
 
-/// The cycle counter: 25 MHz ticks.
-#[derive(Clone, Copy, Debug)]
-pub struct Cycles;
-
-impl Cycles {
-    /// Ticks since the start, modulo 2³².
-    #[inline(always)]
-    pub fn ticks(self) -> u32 {
-        // SAFETY: reading the value register has no side effect.
-        u32::MAX - unsafe { read_volatile(VALUE) }
-    }
+/// Ticks of 25 MHz since the start, modulo 2³².
+#[inline(always)]
+pub fn ticks() -> u32 {
+    // SAFETY: reading the value register has no side effect.
+    u32::MAX - unsafe { read_volatile(VALUE) }
 }
 
 /// Executed instructions in a number of ticks, under `-icount shift=6`.
-pub const fn instructions(ticks: u32) -> u64 {
-    ticks as u64 * 40 / 64
+pub const fn instructions(ticks: u64) -> u64 {
+    ticks * 40 / 64
+}
+
+/// The cycle counter handed to core, in executed instructions.
+#[derive(Clone, Copy, Debug)]
+pub struct Cycles {
+    last_ticks: u32,
+    /// Ticks counted so far; wider than the timer, so that the scaled count wraps at 2³² too.
+    ticks: u64,
+}
+
+impl Cycles {
+    pub(super) fn start() -> Self {
+        Self {
+            last_ticks: ticks(),
+            ticks: 0,
+        }
+    }
+}
+
+impl CycleCounter for Cycles {
+    #[inline]
+    fn now(&mut self) -> u32 {
+        let now = ticks();
+        self.ticks = self
+            .ticks
+            .wrapping_add(u64::from(now.wrapping_sub(self.last_ticks)));
+        self.last_ticks = now;
+        instructions(self.ticks) as u32
+    }
 }

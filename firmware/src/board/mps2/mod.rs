@@ -12,7 +12,7 @@
 mod clock;
 mod uart;
 
-pub use clock::{Cycles, instructions};
+pub use clock::{Cycles, instructions, ticks};
 pub use uart::{Acknowledge, Receiver, Transmitter};
 
 use super::{Ports, Vector, vector_table};
@@ -53,7 +53,7 @@ pub fn start() -> Ports {
         receiver: Receiver::start(),
         output: Transmitter::start(uart::OUTPUT),
         acknowledge: Acknowledge::start(),
-        cycles: Cycles,
+        cycles: Cycles::start(),
     }
 }
 

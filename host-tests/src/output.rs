@@ -1,0 +1,374 @@
+//! What a replay writes: `epochs.csv`, `errors.csv` and `summary.json`.
+//!
+//! `epochs.csv` holds what the monitor said and nothing else, so that it is the same file whether a PC
+//! or a board ran it; errors against the truth go to `errors.csv`. Numbers are printed in their
+//! shortest form that reads back exactly.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use serde::Serialize;
+use surefix_core::gnss::{SatelliteSet, System};
+use surefix_core::integrity::{Integrity, Phase, ProtectionLevel, Reason};
+use surefix_core::report::{EpochReport, ReportFlags};
+use surefix_core::time::NS_PER_S;
+
+use crate::truth::Truth;
+
+/// Columns of `epochs.csv`: those of the contract, then more.
+pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\
+n_sats,mode,integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold,\
+n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags";
+
+/// Seconds since the first epoch.
+pub fn t_s(report: &EpochReport) -> f64 {
+    report.since_first_ns as f64 / NS_PER_S as f64
+}
+
+fn satellites(set: &SatelliteSet) -> String {
+    let names: Vec<String> = set.iter().map(|s| s.to_string()).collect();
+    if names.is_empty() {
+        "-".into()
+    } else {
+        names.join("+")
+    }
+}
+
+fn flags(flags: ReportFlags) -> String {
+    let bits = flags.bits();
+    let names: Vec<&str> = ReportFlags::NAMES
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| bits & 1 << k != 0)
+        .map(|(_, name)| *name)
+        .collect();
+    if names.is_empty() {
+        "-".into()
+    } else {
+        names.join("+")
+    }
+}
+
+/// A field that may be empty.
+fn field(line: &mut String, value: Option<f64>) {
+    line.push(',');
+    if let Some(value) = value {
+        let _ = write!(line, "{value}");
+    }
+}
+
+/// One row of `epochs.csv`, without the line end.
+pub fn epoch_row(report: &EpochReport) -> String {
+    let verdict = &report.verdict;
+    let fix = report.fix.as_ref();
+    let mut line = format!("{}", t_s(report));
+    let week = (!report.flags.week_unknown).then(|| f64::from(report.time.week()));
+    field(&mut line, week);
+    field(&mut line, Some(report.time.tow_s()));
+    for k in 0..3 {
+        field(&mut line, fix.map(|fix| fix.r_e_m[k]));
+    }
+    field(&mut line, fix.map(|fix| fix.lat_deg));
+    field(&mut line, fix.map(|fix| fix.lon_deg));
+    field(&mut line, fix.map(|fix| fix.h_m));
+    for k in 0..3 {
+        let velocity = fix.and_then(|fix| fix.velocity_enu_mps);
+        field(&mut line, velocity.map(|velocity| velocity[k]));
+    }
+    let _ = write!(
+        line,
+        ",{},{},{},{}",
+        report.used.len(),
+        report.mode.name(),
+        verdict.integrity.name(),
+        verdict.reason.name()
+    );
+    field(&mut line, verdict.hpl.bound_m());
+    field(&mut line, verdict.vpl.bound_m());
+    field(&mut line, Some(verdict.hal_m));
+    field(&mut line, verdict.val_m);
+    let _ = write!(line, ",{}", satellites(&verdict.excluded));
+    field(&mut line, verdict.statistic);
+    field(&mut line, verdict.threshold);
+    let _ = write!(line, ",{},{}", report.n_observed, satellites(&report.used));
+    for system in System::ALL {
+        let clock = fix.and_then(|fix| fix.clock_m[system.index()]);
+        field(&mut line, clock);
+    }
+    let _ = write!(line, ",{}", flags(report.flags));
+    line
+}
+
+/// `epochs.csv`.
+pub fn epochs_csv(reports: &[EpochReport]) -> String {
+    let mut text = String::with_capacity(256 * (reports.len() + 1));
+    text.push_str(EPOCH_COLUMNS);
+    text.push('\n');
+    for report in reports {
+        text.push_str(&epoch_row(report));
+        text.push('\n');
+    }
+    text
+}
+
+/// Error east, north, up of each epoch that has a position and a truth, m.
+pub fn errors_enu_m(reports: &[EpochReport], truth: Option<&Truth>) -> Vec<Option<[f64; 3]>> {
+    reports
+        .iter()
+        .map(|report| {
+            let true_e_m = truth?.at(report.time, report.since_first_ns)?;
+            Truth::error_enu_m(true_e_m, report.fix?.r_e_m)
+        })
+        .collect()
+}
+
+/// `errors.csv`: `t_s,e_m,n_m,u_m` of the epochs that have an error.
+pub fn errors_csv(reports: &[EpochReport], errors: &[Option<[f64; 3]>]) -> String {
+    let mut text = String::from("t_s,e_m,n_m,u_m\n");
+    for (report, error) in reports.iter().zip(errors) {
+        if let Some([e, n, u]) = error {
+            let _ = writeln!(text, "{},{e},{n},{u}", t_s(report));
+        }
+    }
+    text
+}
+
+/// A run of consecutive epochs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Interval {
+    /// Satellite, where the interval is of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub satellite: Option<String>,
+    /// First epoch, s from the first of the stream.
+    pub from_s: f64,
+    /// Last epoch.
+    pub to_s: f64,
+    /// Number of epochs.
+    pub epochs: usize,
+}
+
+/// Statistics of one axis of the position error.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ErrorStatistics {
+    /// Epochs with an error.
+    pub epochs: usize,
+    /// 95 % of the horizontal errors are at most this, m.
+    pub h95_m: Option<f64>,
+    /// 95 % of the vertical errors are at most this, m.
+    pub v95_m: Option<f64>,
+    /// Largest horizontal error, m.
+    pub max_h_m: Option<f64>,
+    /// Largest vertical error, m.
+    pub max_v_m: Option<f64>,
+    /// Mean error east, north, up, m.
+    pub mean_enu_m: Option<[f64; 3]>,
+    /// Epochs whose horizontal or vertical error exceeds its level.
+    pub epochs_above_level: usize,
+    /// Of these, epochs whose verdict said the position may be used.
+    pub epochs_above_level_and_usable: usize,
+    /// Largest horizontal error over its level.
+    pub largest_h_ratio: Option<f64>,
+    /// Largest vertical error over its level.
+    pub largest_v_ratio: Option<f64>,
+}
+
+/// `summary.json`, without what belongs to the input.
+#[derive(Clone, Debug, Serialize)]
+pub struct Summary {
+    /// Epochs.
+    pub epochs: usize,
+    /// Epochs with a position.
+    pub epochs_with_position: usize,
+    /// Where the truth is from; `null` without one.
+    pub truth: Option<String>,
+    /// Errors against the truth.
+    pub errors: ErrorStatistics,
+    /// Median horizontal level, m.
+    pub median_hpl_m: Option<f64>,
+    /// Median vertical level, m.
+    pub median_vpl_m: Option<f64>,
+    /// Epochs by verdict.
+    pub integrity: BTreeMap<&'static str, usize>,
+    /// Epochs by reason.
+    pub reasons: BTreeMap<&'static str, usize>,
+    /// Epochs with an alert.
+    pub alerts: usize,
+    /// When.
+    pub alert_intervals: Vec<Interval>,
+    /// Satellites excluded, and when.
+    pub exclusions: Vec<Interval>,
+    /// Share of the epochs with a position, without an alert, and with levels within the limits of
+    /// each phase of flight.
+    pub availability: BTreeMap<&'static str, f64>,
+    /// Epochs by flag.
+    pub flags: BTreeMap<&'static str, usize>,
+}
+
+/// The value that `share` of the values do not exceed, nearest rank.
+pub fn quantile(values: &mut [f64], share: f64) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let rank = (share * values.len() as f64).ceil() as usize;
+    values.get(rank.max(1) - 1).copied()
+}
+
+fn error_over_level(error_m: f64, level: ProtectionLevel) -> Option<f64> {
+    level.bound_m().map(|bound_m| error_m / bound_m)
+}
+
+fn error_statistics(reports: &[EpochReport], errors: &[Option<[f64; 3]>]) -> ErrorStatistics {
+    let mut statistics = ErrorStatistics::default();
+    let (mut horizontal, mut vertical, mut sum) = (Vec::new(), Vec::new(), [0.0; 3]);
+    let largest = |slot: &mut Option<f64>, value: Option<f64>| {
+        if let Some(value) = value
+            && slot.is_none_or(|largest| value > largest)
+        {
+            *slot = Some(value);
+        }
+    };
+    for (report, error) in reports.iter().zip(errors) {
+        let Some([e, n, u]) = *error else { continue };
+        let (h, v) = (e.hypot(n), u.abs());
+        horizontal.push(h);
+        vertical.push(v);
+        for (sum, value) in sum.iter_mut().zip([e, n, u]) {
+            *sum += value;
+        }
+        largest(&mut statistics.max_h_m, Some(h));
+        largest(&mut statistics.max_v_m, Some(v));
+        let h_ratio = error_over_level(h, report.verdict.hpl);
+        let v_ratio = error_over_level(v, report.verdict.vpl);
+        largest(&mut statistics.largest_h_ratio, h_ratio);
+        largest(&mut statistics.largest_v_ratio, v_ratio);
+        if h_ratio.is_some_and(|r| r > 1.0) || v_ratio.is_some_and(|r| r > 1.0) {
+            statistics.epochs_above_level += 1;
+            if report.verdict.integrity.is_usable() {
+                statistics.epochs_above_level_and_usable += 1;
+            }
+        }
+    }
+    statistics.epochs = horizontal.len();
+    if !horizontal.is_empty() {
+        statistics.mean_enu_m = Some(sum.map(|total| total / horizontal.len() as f64));
+    }
+    statistics.h95_m = quantile(&mut horizontal, 0.95);
+    statistics.v95_m = quantile(&mut vertical, 0.95);
+    statistics
+}
+
+/// Runs of consecutive epochs for which `is_in` holds.
+fn intervals(
+    reports: &[EpochReport],
+    satellite: Option<String>,
+    is_in: impl Fn(&EpochReport) -> bool,
+) -> Vec<Interval> {
+    let mut found: Vec<Interval> = Vec::new();
+    let mut open = false;
+    for report in reports {
+        let now_in = is_in(report);
+        match found.last_mut() {
+            Some(last) if open && now_in => {
+                last.to_s = t_s(report);
+                last.epochs += 1;
+            }
+            _ if now_in => found.push(Interval {
+                satellite: satellite.clone(),
+                from_s: t_s(report),
+                to_s: t_s(report),
+                epochs: 1,
+            }),
+            _ => {}
+        }
+        open = now_in;
+    }
+    found
+}
+
+/// Whether the levels of an epoch lie within the limits of a phase.
+fn is_available(report: &EpochReport, phase: Phase) -> bool {
+    let limits = phase.requirements();
+    let verdict = &report.verdict;
+    report.fix.is_some()
+        && verdict.integrity != Integrity::Alert
+        && verdict.hpl.is_within(limits.hal_m)
+        && limits
+            .val_m
+            .is_none_or(|val_m| verdict.vpl.is_within(val_m))
+}
+
+/// Everything `summary.json` says of the epochs.
+pub fn summarize(
+    reports: &[EpochReport],
+    errors: &[Option<[f64; 3]>],
+    truth: Option<&Truth>,
+) -> Summary {
+    let mut integrity: BTreeMap<_, usize> = BTreeMap::new();
+    let mut reasons: BTreeMap<_, usize> = BTreeMap::new();
+    let mut flags: BTreeMap<_, usize> = BTreeMap::new();
+    let mut excluded = SatelliteSet::EMPTY;
+    for report in reports {
+        *integrity
+            .entry(report.verdict.integrity.name())
+            .or_default() += 1;
+        if report.verdict.reason != Reason::None {
+            *reasons.entry(report.verdict.reason.name()).or_default() += 1;
+        }
+        for (k, name) in ReportFlags::NAMES.iter().enumerate() {
+            if report.flags.bits() & 1 << k != 0 {
+                *flags.entry(*name).or_default() += 1;
+            }
+        }
+        for satellite in report.verdict.excluded.iter() {
+            excluded.insert(satellite);
+        }
+    }
+    let median = |level: fn(&EpochReport) -> ProtectionLevel| {
+        let mut bounds: Vec<f64> = reports.iter().filter_map(|r| level(r).bound_m()).collect();
+        quantile(&mut bounds, 0.5)
+    };
+    let count = reports.len().max(1) as f64;
+    Summary {
+        epochs: reports.len(),
+        epochs_with_position: reports.iter().filter(|r| r.fix.is_some()).count(),
+        truth: truth.map(|truth| truth.source.clone()),
+        errors: error_statistics(reports, errors),
+        median_hpl_m: median(|r| r.verdict.hpl),
+        median_vpl_m: median(|r| r.verdict.vpl),
+        integrity,
+        reasons,
+        alerts: reports
+            .iter()
+            .filter(|r| r.verdict.integrity == Integrity::Alert)
+            .count(),
+        alert_intervals: intervals(reports, None, |r| r.verdict.integrity == Integrity::Alert),
+        exclusions: excluded
+            .iter()
+            .flat_map(|satellite| {
+                intervals(reports, Some(satellite.to_string()), |r| {
+                    r.verdict.excluded.contains(satellite)
+                })
+            })
+            .collect(),
+        availability: Phase::ALL
+            .iter()
+            .map(|phase| {
+                let available = reports.iter().filter(|r| is_available(r, *phase)).count();
+                (phase.name(), available as f64 / count)
+            })
+            .collect(),
+        flags,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_values_that_occurred() {
+        let mut values: Vec<f64> = (1..=20).rev().map(f64::from).collect();
+        assert_eq!(quantile(&mut values, 0.95), Some(19.0));
+        assert_eq!(quantile(&mut values, 0.5), Some(10.0));
+        assert_eq!(quantile(&mut [7.0], 0.95), Some(7.0));
+        assert_eq!(quantile(&mut [], 0.95), None);
+    }
+}

@@ -1,0 +1,372 @@
+//! `surefix replay`: a recording through the monitor, on this machine or on the emulated board.
+//!
+//! ```text
+//! files ─► source ─► bytes ─► Executor (Monitor here, or in QEMU) ─► bytes ─► reports ─► output
+//! ```
+//!
+//! Both executors take the same bytes and give the same kind of bytes back; what reads them does not
+//! know who made them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde::Serialize;
+use surefix_core::budget::NoCounter;
+use surefix_core::config::Config;
+use surefix_core::monitor::{Monitor, Ready};
+use surefix_core::report::{self, EpochReport, REPORT_FRAME_LENGTH};
+use surefix_core::wire::counters::Counters;
+use surefix_core::wire::native::{self, Frame, FrameError, Kind};
+
+use crate::faults::FaultSpec;
+use crate::output::{self, Summary};
+use crate::source::{self, RecordingInfo};
+use crate::truth::Truth;
+
+/// Runs a monitor over a stream of bytes.
+pub trait Executor {
+    /// Sends all of `stream` to a fresh monitor and gives every piece of what it sends back to
+    /// `output`, in order.
+    ///
+    /// # Errors
+    /// When the monitor cannot be run to the end of the stream.
+    fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()>;
+}
+
+/// The monitor in this process.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct HostExecutor;
+
+impl Executor for HostExecutor {
+    fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()> {
+        let mut monitor = new_monitor();
+        let mut frame = [0; REPORT_FRAME_LENGTH];
+        let mut rest = stream;
+        loop {
+            let (used, ready) = monitor.push(rest);
+            rest = rest.get(used..).unwrap_or_default();
+            match ready {
+                Some(Ready::Epoch) => {
+                    let report = monitor.process(&mut NoCounter);
+                    match report::encode(&report, &mut frame) {
+                        Ok(length) => output(&frame[..length]),
+                        Err(native::Full) => bail!("a report does not fit its frame"),
+                    }
+                }
+                Some(Ready::EndOfStream) => break,
+                None if rest.is_empty() => break,
+                None => {}
+            }
+        }
+        let mut counters = [0; native::MAX_FRAME];
+        if let Ok(length) = monitor.counters().encode(&mut counters) {
+            output(&counters[..length]);
+        }
+        Ok(())
+    }
+}
+
+/// A monitor on the heap.
+pub fn new_monitor() -> Box<Monitor> {
+    Box::new(Monitor::EMPTY)
+}
+
+/// Puts a monitor's output together from pieces of any size.
+#[derive(Clone, Debug, Default)]
+pub struct OutputReader {
+    pending: Vec<u8>,
+    /// Reports, in order.
+    pub reports: Vec<EpochReport>,
+    /// What the monitor counted, when it has said so.
+    pub counters: Option<Counters>,
+    /// Frames that could not be read, and bytes between frames.
+    pub damaged: u64,
+}
+
+impl OutputReader {
+    /// Takes a piece.
+    pub fn push(&mut self, piece: &[u8]) {
+        self.pending.extend_from_slice(piece);
+        let mut start = 0;
+        while start < self.pending.len() {
+            let rest = &self.pending[start..];
+            match Frame::parse(rest) {
+                Ok((frame, length)) => {
+                    let understood = match frame.kind() {
+                        Some(Kind::Report) => report::decode(frame.payload())
+                            .map(|report| self.reports.push(report))
+                            .is_ok(),
+                        Some(Kind::Counters) => Counters::decode(frame.payload())
+                            .map(|counters| self.counters = Some(counters))
+                            .is_ok(),
+                        _ => true,
+                    };
+                    if !understood {
+                        self.damaged += 1;
+                    }
+                    start += length;
+                }
+                Err(FrameError::Incomplete { .. }) => break,
+                Err(_) => {
+                    self.damaged += 1;
+                    start += 1;
+                }
+            }
+        }
+        self.pending.drain(..start);
+    }
+}
+
+/// Where the monitor runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Machine {
+    /// In this process.
+    Host,
+    /// On the emulated Cortex-M7.
+    Qemu,
+}
+
+/// Where the truth comes from.
+#[derive(Clone, Debug)]
+pub enum TruthChoice {
+    /// Given: a fixed point or a track.
+    Given(Truth),
+    /// The position the recording states for itself, if it does.
+    FromRecording,
+}
+
+/// Everything a replay needs.
+#[derive(Clone, Debug)]
+pub struct ReplayOptions {
+    /// The recording.
+    pub gnss: PathBuf,
+    /// RINEX navigation files.
+    pub nav: Vec<PathBuf>,
+    /// What to compare with.
+    pub truth: TruthChoice,
+    /// The monitor's configuration.
+    pub config: Config,
+    /// Faults to put on it.
+    pub faults: Vec<FaultSpec>,
+    /// Seed of the random faults.
+    pub seed: u64,
+    /// Where to run.
+    pub machine: Machine,
+}
+
+impl ReplayOptions {
+    /// A recording with the preset configuration, on this machine.
+    pub fn new(gnss: impl Into<PathBuf>) -> Self {
+        Self {
+            gnss: gnss.into(),
+            nav: Vec::new(),
+            truth: TruthChoice::FromRecording,
+            config: Config::PRESET,
+            faults: Vec::new(),
+            seed: 1,
+            machine: Machine::Host,
+        }
+    }
+}
+
+/// What came out of a replay.
+#[derive(Clone, Debug)]
+pub struct ReplayResult {
+    /// One report per epoch.
+    pub reports: Vec<EpochReport>,
+    /// Error of each, east, north, up, m.
+    pub errors_enu_m: Vec<Option<[f64; 3]>>,
+    /// Everything that can be said in short.
+    pub summary: Summary,
+    /// What the recording was.
+    pub info: RecordingInfo,
+    /// What the monitor counted.
+    pub counters: Counters,
+    /// Lost input by cause, from reading the file and from the monitor.
+    pub losses: BTreeMap<String, u64>,
+}
+
+/// Losses that cost an epoch or a part of one.
+const COSTLY: [&str; 16] = [
+    "rtcm_bad_crc",
+    "native_bad_crc",
+    "native_too_long",
+    "native_refused",
+    "cut_off_frames",
+    "rtcm_empty",
+    "rtcm_truncated",
+    "rtcm_too_many_cells",
+    "rtcm_illegal_value",
+    "satellites_lost",
+    "epochs_incomplete",
+    "messages_too_late",
+    "rinex_bad_epochs",
+    "rinex_bad_lines",
+    "output_damaged",
+    "epochs_not_reported",
+];
+
+impl ReplayResult {
+    /// Whether input was lost that cost an epoch or a part of one.
+    pub fn lost_epochs(&self) -> bool {
+        COSTLY.iter().any(|name| self.losses.contains_key(*name))
+    }
+}
+
+/// Replays a recording in memory; `progress` hears epochs done and epochs in all.
+///
+/// # Errors
+/// When an input is unusable, or the emulator cannot be run; the message tells what to do.
+pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Result<ReplayResult> {
+    if let Err(error) = options.config.check() {
+        bail!("the configuration is not legal: {error:?}");
+    }
+    let stream = source::stream(
+        &options.gnss,
+        &options.nav,
+        &options.config,
+        &options.faults,
+        options.seed,
+    )?;
+    let info = stream.info;
+    let mut reader = OutputReader::default();
+    let mut executor: Box<dyn Executor> = match options.machine {
+        Machine::Host => Box::new(HostExecutor),
+        Machine::Qemu => qemu_executor()?,
+    };
+    executor.run(&stream.bytes, &mut |piece| {
+        reader.push(piece);
+        progress(reader.reports.len() as u64, info.epochs);
+    })?;
+
+    let mut losses = info.losses.clone();
+    let counters = reader.counters.unwrap_or(Counters::ZERO);
+    for (cause, count) in source::losses(&counters) {
+        let slot = losses.entry(cause).or_default();
+        *slot = count.max(*slot);
+    }
+    let unread = reader.damaged + reader.pending.len() as u64;
+    let missing = info.epochs.saturating_sub(reader.reports.len() as u64);
+    for (cause, count) in [("output_damaged", unread), ("epochs_not_reported", missing)] {
+        if count > 0 {
+            losses.insert(cause.into(), count);
+        }
+    }
+
+    let truth = match &options.truth {
+        TruthChoice::Given(truth) => Some(truth.clone()),
+        TruthChoice::FromRecording => info
+            .station
+            .as_ref()
+            .map(|(r_e_m, source)| Truth::fixed(*r_e_m, source.clone())),
+    };
+    let errors_enu_m = output::errors_enu_m(&reader.reports, truth.as_ref());
+    let summary = output::summarize(&reader.reports, &errors_enu_m, truth.as_ref());
+    Ok(ReplayResult {
+        reports: reader.reports,
+        errors_enu_m,
+        summary,
+        info,
+        counters,
+        losses,
+    })
+}
+
+/// `summary.json`: the summary, and what belongs to the input.
+#[derive(Serialize)]
+struct SummaryFile<'a> {
+    surefix: &'static str,
+    input: InputSummary<'a>,
+    config: ConfigSummary,
+    #[serde(flatten)]
+    summary: &'a Summary,
+    bad_frames: &'a BTreeMap<String, u64>,
+    skipped: &'a BTreeMap<String, u64>,
+    counters: BTreeMap<&'static str, u32>,
+}
+
+#[derive(Serialize)]
+struct InputSummary<'a> {
+    gnss: String,
+    nav: Vec<String>,
+    format: &'a str,
+    faults: Vec<String>,
+    seed: u64,
+}
+
+#[derive(Serialize)]
+struct ConfigSummary {
+    systems: String,
+    mask_deg: f64,
+    phase: &'static str,
+    ionosphere: String,
+    troposphere: String,
+    noise: String,
+    reference_week: Option<u16>,
+    max_exclusions: u8,
+}
+
+/// Writes `epochs.csv`, `errors.csv` (with a truth) and `summary.json` into `directory`.
+///
+/// # Errors
+/// When the directory or a file cannot be written.
+pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -> Result<()> {
+    std::fs::create_dir_all(directory)
+        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+    let put = |name: &str, text: String| {
+        let path = directory.join(name);
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
+    };
+    put("epochs.csv", output::epochs_csv(&result.reports))?;
+    let errors = directory.join("errors.csv");
+    if result.summary.truth.is_some() {
+        put(
+            "errors.csv",
+            output::errors_csv(&result.reports, &result.errors_enu_m),
+        )?;
+    } else if errors.exists() {
+        // Of an earlier replay into the same directory.
+        std::fs::remove_file(&errors)
+            .with_context(|| format!("cannot remove {}", errors.display()))?;
+    }
+    let config = &options.config;
+    let systems = surefix_core::gnss::System::ALL
+        .iter()
+        .filter(|system| config.systems.contains(**system))
+        .map(|system| system.letter())
+        .collect();
+    let file = SummaryFile {
+        surefix: env!("CARGO_PKG_VERSION"),
+        input: InputSummary {
+            gnss: options.gnss.display().to_string(),
+            nav: options
+                .nav
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect(),
+            format: &result.info.format,
+            faults: options.faults.iter().map(|f| format!("{f:?}")).collect(),
+            seed: options.seed,
+        },
+        config: ConfigSummary {
+            systems,
+            mask_deg: config.mask_rad.to_degrees(),
+            phase: config.phase.name(),
+            ionosphere: format!("{:?}", config.ionosphere),
+            troposphere: format!("{:?}", config.troposphere),
+            noise: format!("{:?}", config.noise),
+            reference_week: config.reference_week,
+            max_exclusions: config.max_exclusions,
+        },
+        summary: &result.summary,
+        bad_frames: &result.losses,
+        skipped: &result.info.skipped,
+        counters: result.counters.rows().collect(),
+    };
+    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")
+}
+
+fn qemu_executor() -> Result<Box<dyn Executor>> {
+    bail!("the emulated board is not built into this command")
+}

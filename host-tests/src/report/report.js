@@ -1,0 +1,683 @@
+"use strict";
+(() => {
+  // ---- data ---------------------------------------------------------------------------------
+  const D = JSON.parse(document.getElementById("data").textContent);
+  const N = D.n;
+
+  function bytes(text) {
+    const raw = atob(text);
+    const out = new Uint8Array(raw.length);
+    for (let i = 0; i < raw.length; i++) out[i] = raw.charCodeAt(i);
+    return out.buffer;
+  }
+  function column(c) {
+    if (c.f !== undefined) return new Float32Array(bytes(c.f));
+    const out = new Float32Array(N);
+    let at = 0;
+    for (const [count, value] of c.r) {
+      out.fill(value === null ? NaN : value, at, at + count);
+      at += count;
+    }
+    return out;
+  }
+  function times(c) {
+    if (c.d !== undefined) return new Float64Array(bytes(c.d));
+    return Float64Array.from({ length: N }, (_, i) => c.u[0] + c.u[1] * i);
+  }
+  const T = times(D.t);
+  const col = {};
+  for (const k of ["week", "state", "reason", "hpl", "vpl", "hal", "val", "stat", "thr", "nsat", "nvis", "e", "nn", "u"]) col[k] = column(D[k]);
+  const map = (f) => Float32Array.from({ length: N }, (_, i) => f(i));
+  col.he = map((i) => Math.hypot(col.e[i], col.nn[i]));
+  col.ve = map((i) => Math.abs(col.u[i]));
+  const some = (a) => a.some((v) => v === v);
+
+  // An interval longer than this between epochs is a gap and breaks a line.
+  const step = (() => {
+    if (N < 2) return 1;
+    const d = Array.from({ length: Math.min(N - 1, 2000) }, (_, i) => T[i + 1] - T[i]).sort((a, b) => a - b);
+    return d[d.length >> 1];
+  })();
+  const whole = [T[0], T[N - 1] > T[0] ? T[N - 1] : T[0] + 1];
+  let view = whole.slice();
+  let cursor = null;
+  let logScale = true;
+
+  // First index whose time is t or later.
+  function lower(t) {
+    let a = 0, b = N;
+    while (a < b) { const m = (a + b) >> 1; if (T[m] < t) a = m + 1; else b = m; }
+    return a;
+  }
+
+  // ---- words --------------------------------------------------------------------------------
+  const two = (v) => String(v).padStart(2, "0");
+  function clock(s, digits) {
+    const sign = s < 0 ? "−" : "";
+    s = Math.abs(s);
+    let whole = Math.floor(s + 1e-9);
+    const fraction = digits ? (s - whole).toFixed(digits).slice(1) : "";
+    return sign + two(Math.floor(whole / 3600)) + ":" + two(Math.floor(whole / 60) % 60) + ":" + two(whole % 60) + fraction;
+  }
+  const timeDigits = step < 0.1 ? 2 : step < 1 ? 1 : 0;
+  function number(v) {
+    if (!(v === v)) return "–";
+    const a = Math.abs(v);
+    if (a >= 1000) return v.toFixed(0);
+    if (a >= 100) return v.toFixed(1);
+    if (a >= 0.01 || a === 0) return v.toFixed(2);
+    return v.toExponential(1);
+  }
+  const words = (s) => s.replace(/_/g, " ");
+
+  // ---- colours ------------------------------------------------------------------------------
+  let colour = {};
+  function readColours() {
+    const s = getComputedStyle(document.documentElement);
+    for (const k of ["paper", "panel", "ink", "soft", "faint", "line", "grid", "wash", "level", "error", "limit", "second", "nominal", "excluded", "alert", "unavailable"]) colour[k] = s.getPropertyValue("--" + k).trim();
+  }
+
+  // ---- a panel ------------------------------------------------------------------------------
+  const LEFT = 58, RIGHT = 10, TOP = 6, BOTTOM = 20;
+  const panels = [];
+  const font = (px) => px + "px system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif";
+
+  function niceSteps(lo, hi, count) {
+    const raw = (hi - lo) / count;
+    const power = Math.pow(10, Math.floor(Math.log10(raw)));
+    const m = [1, 2, 5, 10].find((k) => k * power >= raw) * power;
+    const out = [];
+    for (let v = Math.ceil(lo / m) * m; v <= hi + m * 1e-9; v += m) out.push(Math.abs(v) < m * 1e-9 ? 0 : v);
+    return out;
+  }
+  const timeSteps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
+  function timeTicks(width) {
+    const span = view[1] - view[0];
+    const wanted = Math.max(2, Math.floor(width / 90));
+    const m = timeSteps.find((s) => span / s <= wanted) || 86400 * Math.ceil(span / 86400 / wanted);
+    const out = [];
+    for (let k = Math.ceil(view[0] / m - 1e-9); k * m <= view[1] + m * 1e-9; k++) out.push(k * m);
+    return { ticks: out, digits: m < 1 ? 1 : 0 };
+  }
+
+  function makeFigure(parent, name, unit) {
+    const figure = document.createElement("figure");
+    const caption = document.createElement("figcaption");
+    const title = document.createElement("span");
+    title.className = "name";
+    title.textContent = name + (unit ? ", " + unit : "");
+    caption.append(title);
+    const canvas = document.createElement("canvas");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", name + (unit ? " in " + unit : "") + " over time");
+    figure.append(caption, canvas);
+    parent.append(figure);
+    return { figure, caption, canvas };
+  }
+  function addKey(caption, text, cssColour, kind) {
+    const key = document.createElement("span");
+    key.className = "key";
+    const mark = document.createElement("i");
+    if (kind) mark.className = kind;
+    if (kind === "block") mark.style.background = "var(--" + cssColour + ")";
+    else mark.style.borderTopColor = "var(--" + cssColour + ")";
+    const value = document.createElement("b");
+    key.append(mark, text, value);
+    caption.append(key);
+    return value;
+  }
+
+  function prepare(p) {
+    const ratio = window.devicePixelRatio || 1;
+    const width = p.canvas.clientWidth, height = p.height;
+    p.canvas.style.height = height + "px";
+    p.canvas.width = Math.round(width * ratio);
+    p.canvas.height = Math.round(height * ratio);
+    const g = p.canvas.getContext("2d");
+    g.setTransform(ratio, 0, 0, ratio, 0, 0);
+    g.clearRect(0, 0, width, height);
+    p.box = { x: LEFT, y: TOP, w: Math.max(10, width - LEFT - RIGHT), h: height - TOP - BOTTOM };
+    return g;
+  }
+  const xOf = (p, t) => p.box.x + (t - view[0]) / (view[1] - view[0]) * p.box.w;
+  const tOf = (p, x) => view[0] + (x - p.box.x) / p.box.w * (view[1] - view[0]);
+
+  function timeAxis(g, p) {
+    const b = p.box;
+    const { ticks, digits } = timeTicks(b.w);
+    g.font = font(11);
+    g.textBaseline = "top";
+    g.textAlign = "center";
+    g.lineWidth = 1;
+    for (const t of ticks) {
+      const x = Math.round(xOf(p, t)) + 0.5;
+      if (x < b.x - 1 || x > b.x + b.w + 1) continue;
+      g.strokeStyle = colour.grid;
+      g.beginPath(); g.moveTo(x, b.y); g.lineTo(x, b.y + b.h); g.stroke();
+      g.fillStyle = colour.soft;
+      const text = clock(t, digits);
+      const half = g.measureText(text).width / 2;
+      g.fillText(text, Math.min(Math.max(x, b.x + half - 20), b.x + b.w - half + 8), b.y + b.h + 5);
+    }
+  }
+  function frame(g, p) {
+    const b = p.box;
+    g.strokeStyle = colour.line;
+    g.lineWidth = 1;
+    g.strokeRect(b.x + 0.5, b.y + 0.5, b.w - 1, b.h - 1);
+  }
+  function overlay(g, p) {
+    const b = p.box;
+    if (cursor !== null) {
+      const x = Math.round(xOf(p, T[cursor])) + 0.5;
+      if (x >= b.x && x <= b.x + b.w) {
+        g.strokeStyle = colour.soft;
+        g.setLineDash([2, 2]);
+        g.beginPath(); g.moveTo(x, b.y); g.lineTo(x, b.y + b.h); g.stroke();
+        g.setLineDash([]);
+      }
+    }
+    if (drag && drag.live) {
+      g.globalAlpha = 0.14;
+      g.fillStyle = colour.level;
+      const x0 = xOf(p, drag.from), x1 = xOf(p, drag.to);
+      g.fillRect(Math.min(x0, x1), b.y, Math.abs(x1 - x0), b.h);
+      g.globalAlpha = 1;
+    }
+  }
+
+  // Epochs of the view, one more on either side so that lines reach the edge.
+  function visible() {
+    return [Math.max(0, lower(view[0]) - 1), Math.min(N, lower(view[1]) + 2)];
+  }
+
+  function drawLine(g, p, values, yOf, style) {
+    const [from, to] = visible();
+    const b = p.box;
+    g.save();
+    g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip();
+    g.strokeStyle = g.fillStyle = style.colour;
+    g.lineWidth = style.width || 1.25;
+    g.lineJoin = "round";
+    if (style.dash) g.setLineDash(style.dash);
+    g.beginPath();
+    const lone = [];
+    if (to - from > 3 * b.w) {
+      // More epochs than columns: a band from the smallest to the largest value of each column,
+      // and their mean as the line.
+      const columns = [];
+      let c = null, before = NaN, broken = true;
+      for (let i = from; i < to; i++) {
+        const v = values[i];
+        if (!(v === v)) { broken = true; continue; }
+        if (T[i] - before > 1.6 * step) broken = true;
+        before = T[i];
+        const x = Math.round(xOf(p, T[i]) * 2) / 2;
+        if (!c || c.x !== x || broken) { c = { x, lo: v, hi: v, sum: 0, n: 0, broken }; columns.push(c); }
+        if (v < c.lo) c.lo = v;
+        if (v > c.hi) c.hi = v;
+        c.sum += v;
+        c.n++;
+        broken = false;
+      }
+      g.globalAlpha = 0.3;
+      for (const k of columns) {
+        const top = yOf(k.hi), bottom = yOf(k.lo);
+        if (bottom - top > 1) g.fillRect(k.x - 0.25, top, 0.5, bottom - top);
+      }
+      g.globalAlpha = 1;
+      columns.forEach((k, at) => {
+        const y = yOf(k.sum / k.n);
+        if (k.broken) {
+          g.moveTo(k.x, y);
+          if (at + 1 === columns.length || columns[at + 1].broken) lone.push([k.x, y]);
+        } else g.lineTo(k.x, y);
+      });
+    } else {
+      let open = false;
+      for (let i = from; i < to; i++) {
+        const v = values[i];
+        if (!(v === v)) { open = false; continue; }
+        const x = xOf(p, T[i]), y = yOf(v);
+        const joined = i > from && values[i - 1] === values[i - 1] && T[i] - T[i - 1] <= 1.6 * step;
+        if (open && joined) {
+          if (style.steps) g.lineTo(x, yOf(values[i - 1]));
+          g.lineTo(x, y);
+        } else {
+          g.moveTo(x, y);
+          const next = i + 1 < to && values[i + 1] === values[i + 1] && T[i + 1] - T[i] <= 1.6 * step;
+          if (!next) lone.push([x, y]);
+        }
+        open = true;
+      }
+    }
+    g.stroke();
+    g.setLineDash([]);
+    for (const [x, y] of lone) g.fillRect(x - 1, y - 1, 2, 2);
+    g.restore();
+  }
+
+  // Smallest positive and largest value over the view.
+  function extent(list) {
+    const [from, to] = visible();
+    let lo = Infinity, hi = -Infinity;
+    for (const values of list) for (let i = from; i < to; i++) {
+      const v = values[i];
+      if (v === v) { if (v > hi) hi = v; if (v > 0 && v < lo) lo = v; }
+    }
+    return [lo, hi];
+  }
+
+  function linePanel(parent, spec) {
+    const p = makeFigure(parent, spec.name, spec.unit);
+    p.height = spec.height || 190;
+    p.values = spec.lines.filter((l) => some(l.values)).map((l) => ({ ...l, out: addKey(p.caption, l.name, l.css, l.dash ? "dash" : "") }));
+    if (spec.note) {
+      const note = document.createElement("span");
+      note.className = "key";
+      note.textContent = spec.note;
+      p.caption.append(note);
+    }
+    const clipped = document.createElement("span");
+    clipped.className = "key";
+    p.caption.append(clipped);
+    p.draw = () => {
+      const g = prepare(p), b = p.box;
+      const log = spec.log && logScale;
+      const main = p.values.filter((l) => !l.limit).map((l) => l.values);
+      let [lo, hi] = extent(main.length ? main : p.values.map((l) => l.values));
+      const limits = extent(p.values.filter((l) => l.limit).map((l) => l.values));
+      if (!(hi > -Infinity)) { lo = 0; hi = 1; }
+      let above = "";
+      if (log) {
+        // A limit is shown where it is no more than two decades above what is measured.
+        if (limits[1] > 0 && limits[1] <= Math.max(hi, 1) * 300) hi = Math.max(hi, limits[1]);
+        else if (limits[1] > 0) above = "limit " + number(limits[1]) + " above the picture";
+        hi = Math.max(hi, 1e-9);
+        lo = Number.isFinite(lo) ? lo : hi / 10;
+        // Three and a half decades; what is smaller lies on the lower edge.
+        lo = Math.max(lo, hi / 3e3);
+        lo = Math.pow(10, Math.floor(Math.log10(lo) * 2) / 2);
+        hi = Math.pow(10, Math.ceil(Math.log10(hi * 1.1) * 4) / 4);
+      } else {
+        lo = 0;
+        if (limits[1] > 0 && limits[1] <= hi * 3) hi = Math.max(hi, limits[1]);
+        else if (limits[1] > 0) above = "limit " + number(limits[1]) + " above the picture";
+        hi = hi > 0 ? hi * 1.06 : 1;
+      }
+      clipped.textContent = above;
+      const yOf = log
+        ? (v) => b.y + b.h - Math.log(Math.max(v, lo) / lo) / Math.log(hi / lo) * b.h
+        : (v) => b.y + b.h - (v - lo) / (hi - lo) * b.h;
+      // Grid and labels of the value axis.
+      g.font = font(11);
+      g.textAlign = "right";
+      g.textBaseline = "middle";
+      let ticks;
+      if (log) {
+        ticks = [];
+        const decades = Math.log10(hi / lo);
+        const marks = decades > 3.2 ? [1] : decades > 1.6 ? [1, 3] : [1, 2, 5];
+        for (let e = Math.floor(Math.log10(lo)) - 1; e <= Math.log10(hi) + 1; e++) for (const m of marks) ticks.push(m * Math.pow(10, e));
+      } else {
+        ticks = niceSteps(lo, hi, Math.max(4, Math.floor(b.h / 32)));
+      }
+      timeAxis(g, p);
+      let lastY = Infinity;
+      g.textAlign = "right";
+      g.textBaseline = "middle";
+      for (const v of ticks) {
+        if (v < lo * (log ? 0.999 : 1) || v > hi) continue;
+        const y = Math.round(yOf(v)) + 0.5;
+        g.strokeStyle = colour.grid;
+        g.lineWidth = 1;
+        g.beginPath(); g.moveTo(b.x, y); g.lineTo(b.x + b.w, y); g.stroke();
+        if (Math.abs(lastY - y) < 12) continue;
+        lastY = y;
+        g.fillStyle = colour.soft;
+        const text = v >= 1000 ? v.toLocaleString("en").replace(/,/g, "\u2009") : String(Number(v.toPrecision(3)));
+        g.fillText(text, b.x - 7, Math.min(Math.max(y, b.y + 5), b.y + b.h - 4));
+      }
+      for (const l of p.values) drawLine(g, p, l.values, yOf, { colour: colour[l.css], dash: l.dash, width: l.width, steps: l.steps });
+      frame(g, p);
+      overlay(g, p);
+    };
+    p.read = (i) => {
+      for (const l of p.values) l.out.textContent = i === null ? "" : (spec.whole && l.values[i] === l.values[i] ? String(l.values[i]) : number(l.values[i])) + (spec.unit === "1" || spec.unit === "" ? "" : "\u2009" + spec.unit);
+    };
+    panels.push(p);
+  }
+
+  // Rows of bars: each row is a name and ranges of epochs with a colour.
+  function stripPanel(parent, spec) {
+    const p = makeFigure(parent, spec.name, "");
+    const rowHeight = spec.rowHeight;
+    p.height = spec.rows.length * rowHeight + TOP + BOTTOM;
+    for (const key of spec.keys || []) addKey(p.caption, key[0], key[1], "block");
+    for (const text of spec.legend || []) {
+      const key = document.createElement("span");
+      key.className = "key";
+      key.textContent = text;
+      p.caption.append(key);
+    }
+    const readout = document.createElement("span");
+    readout.className = "key";
+    const value = document.createElement("b");
+    readout.append(value);
+    p.caption.append(readout);
+    p.draw = () => {
+      const g = prepare(p), b = p.box;
+      timeAxis(g, p);
+      g.font = font(Math.min(11, rowHeight - 2));
+      g.textBaseline = "middle";
+      g.textAlign = "right";
+      spec.rows.forEach((row, k) => {
+        const y = b.y + k * rowHeight;
+        if (row.rule && k > 0) {
+          g.strokeStyle = colour.line;
+          g.beginPath(); g.moveTo(b.x, y + 0.5); g.lineTo(b.x + b.w, y + 0.5); g.stroke();
+        }
+        g.fillStyle = colour.soft;
+        g.fillText(row.label, b.x - 7, y + rowHeight / 2 + 0.5, LEFT - 9);
+        g.save();
+        g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip();
+        for (const layer of row.layers) {
+          g.fillStyle = colour[layer.css];
+          const inset = layer.inset === undefined ? rowHeight * 0.3 : layer.inset;
+          for (const [from, to] of layer.ranges) {
+            if (T[to - 1] < view[0] || T[from] > view[1]) continue;
+            const x0 = xOf(p, T[from]), x1 = xOf(p, T[to - 1] + step);
+            // Never thinner than a pixel: a single epoch stays visible in a day.
+            g.fillRect(x0, y + inset, Math.max(1, x1 - x0), rowHeight - 2 * inset);
+          }
+        }
+        g.restore();
+      });
+      frame(g, p);
+      overlay(g, p);
+    };
+    p.read = (i) => { value.textContent = i === null ? "" : spec.read(i); };
+    panels.push(p);
+  }
+
+  function rangesWhere(test) {
+    const out = [];
+    for (let i = 0; i < N; i++) if (test(i)) {
+      const last = out[out.length - 1];
+      if (last && last[1] === i && (i === 0 || T[i] - T[i - 1] <= 1.6 * step)) last[1] = i + 1; else out.push([i, i + 1]);
+    }
+    return out;
+  }
+  // A range of satellites broken where epochs are missing.
+  function unbroken(ranges) {
+    const out = [];
+    for (const [from, to] of ranges) {
+      let start = from;
+      for (let i = from + 1; i < to; i++) if (T[i] - T[i - 1] > 1.6 * step) { out.push([start, i]); start = i; }
+      out.push([start, to]);
+    }
+    return out;
+  }
+
+  // Error against level: the diagram of Stanford.
+  function stanford(parent, name, error, level, limit) {
+    const p = makeFigure(parent, name, "m");
+    p.figure.className = "still";
+    p.canvas.setAttribute("aria-label", name + ": error against protection level");
+    p.height = 300;
+    const inView = document.createElement("span");
+    inView.className = "key line";
+    p.caption.append(inView);
+    p.draw = () => {
+      const g = prepare(p), b = p.box;
+      b.h -= 14;
+      const from = lower(view[0]), to = Math.min(N, lower(view[1] + 1e-9) + 1);
+      let lo = Infinity, hi = 0, count = 0, over = 0;
+      for (let i = from; i < to; i++) if (error[i] === error[i] && level[i] === level[i]) {
+        count++;
+        if (error[i] > level[i]) over++;
+        lo = Math.min(lo, Math.max(error[i], 1e-3), level[i]);
+        hi = Math.max(hi, error[i], level[i]);
+      }
+      inView.textContent = count + " epochs, " + over + " with the error above the level";
+      if (!count) { lo = 0.1; hi = 10; }
+      lo = Math.pow(10, Math.floor(Math.log10(Math.max(lo, hi / 1e3)) * 2) / 2);
+      hi = Math.pow(10, Math.ceil(Math.log10(hi * 1.15) * 4) / 4);
+      const span = Math.log(hi / lo);
+      const X = (v) => b.x + Math.log(Math.max(v, lo) / lo) / span * b.w;
+      const Y = (v) => b.y + b.h - Math.log(Math.max(v, lo) / lo) / span * b.h;
+      g.font = font(11);
+      for (let e = Math.floor(Math.log10(lo)); e <= Math.log10(hi); e++) for (const m of [1, 3]) {
+        const v = m * Math.pow(10, e);
+        if (v < lo * 0.999 || v > hi) continue;
+        g.strokeStyle = colour.grid;
+        g.beginPath(); g.moveTo(X(v), b.y); g.lineTo(X(v), b.y + b.h); g.moveTo(b.x, Y(v)); g.lineTo(b.x + b.w, Y(v)); g.stroke();
+        g.fillStyle = colour.soft;
+        const text = String(Number(v.toPrecision(1)));
+        g.textAlign = "center"; g.textBaseline = "top";
+        g.fillText(text, X(v), b.y + b.h + 4);
+        g.textAlign = "right"; g.textBaseline = "middle";
+        g.fillText(text, b.x - 7, Y(v));
+      }
+      g.save();
+      g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip();
+      g.fillStyle = colour.limit;
+      g.globalAlpha = 0.07;
+      g.beginPath(); g.moveTo(X(lo), Y(lo)); g.lineTo(X(hi), Y(hi)); g.lineTo(X(hi), Y(lo)); g.fill();
+      g.globalAlpha = 1;
+      g.strokeStyle = colour.soft;
+      g.beginPath(); g.moveTo(X(lo), Y(lo)); g.lineTo(X(hi), Y(hi)); g.stroke();
+      const al = limit[to - 1];
+      if (al === al && al < hi) {
+        g.strokeStyle = colour.limit;
+        g.setLineDash([5, 3]);
+        g.beginPath(); g.moveTo(b.x, Y(al)); g.lineTo(b.x + b.w, Y(al)); g.stroke();
+        g.setLineDash([]);
+      }
+      // Equal points are drawn once per pixel; the darker, the more epochs.
+      const seen = new Map();
+      for (let i = from; i < to; i++) if (error[i] === error[i] && level[i] === level[i]) {
+        const key = Math.round(X(error[i])) * 4096 + Math.round(Y(level[i]));
+        seen.set(key, (seen.get(key) || 0) + (error[i] > level[i] ? 1e6 : 1));
+      }
+      for (const [key, n] of seen) {
+        g.globalAlpha = n >= 1e6 ? 1 : Math.min(1, 0.35 + 0.25 * Math.log10(n));
+        g.fillStyle = n >= 1e6 ? colour.alert : colour.level;
+        g.fillRect(Math.floor(key / 4096) - 1, key % 4096 - 1, 2.5, 2.5);
+      }
+      g.globalAlpha = 1;
+      g.restore();
+      frame(g, p);
+      g.fillStyle = colour.soft;
+      g.textAlign = "right"; g.textBaseline = "bottom";
+      g.fillText("error", b.x + b.w - 4, b.y + b.h - 3);
+      g.textAlign = "left"; g.textBaseline = "top";
+      g.fillText("level", b.x + 5, b.y + 4);
+      g.textAlign = "right"; g.textBaseline = "bottom";
+      g.fillText("error above level", b.x + b.w - 4, b.y + b.h - 18);
+      if (cursor !== null && error[cursor] === error[cursor] && level[cursor] === level[cursor]) {
+        g.strokeStyle = colour.ink;
+        g.lineWidth = 1.5;
+        g.beginPath(); g.arc(X(error[cursor]), Y(level[cursor]), 4, 0, 7); g.stroke();
+      }
+    };
+    p.read = () => {};
+    p.still = true;
+    panels.push(p);
+  }
+
+  // ---- the page -----------------------------------------------------------------------------
+  const main = document.getElementById("panels");
+  const stateOrder = ["nominal", "excluded", "alert", "unavailable"];
+  const stateRows = stateOrder.map((s) => {
+    const k = D.states.indexOf(s);
+    return { label: s === "unavailable" ? "unavail." : s, layers: [{ css: s, ranges: k < 0 ? [] : rangesWhere((i) => col.state[i] === k), inset: 2 }] };
+  });
+  // Reasons have rows a, b, … below the states; the caption says which is which.
+  const reasonNames = [];
+  D.reasons.forEach((r, k) => {
+    if (r === "none" || r === "") return;
+    const letter = String.fromCharCode(97 + reasonNames.length);
+    stateRows.push({ label: letter, rule: !reasonNames.length, layers: [{ css: "soft", ranges: rangesWhere((i) => col.reason[i] === k), inset: 4 }] });
+    reasonNames.push(letter + "\u2002" + words(r));
+  });
+  const reasonAt = (i) => { const r = D.reasons[col.reason[i]]; return r === "none" || r === "" ? "" : words(r); };
+  stripPanel(main, {
+    name: "Integrity", rowHeight: 15, rows: stateRows, legend: reasonNames,
+    read: (i) => D.states[col.state[i]] + (reasonAt(i) ? ": " + reasonAt(i) : ""),
+  });
+
+  linePanel(main, {
+    name: "Horizontal", unit: "m", log: true, note: D.truth ? "" : "no truth given",
+    lines: [
+      { name: "alert limit", values: col.hal, css: "limit", dash: [6, 4], limit: true, width: 1 },
+      { name: "HPL", values: col.hpl, css: "level", width: 1.5 },
+      { name: "error", values: col.he, css: "error", width: 1 },
+    ],
+  });
+  linePanel(main, {
+    name: "Vertical", unit: "m", log: true, note: D.truth ? "" : "no truth given",
+    lines: [
+      { name: "alert limit", values: col.val, css: "limit", dash: [6, 4], limit: true, width: 1 },
+      { name: "VPL", values: col.vpl, css: "level", width: 1.5 },
+      { name: "error", values: col.ve, css: "error", width: 1 },
+    ],
+  });
+  linePanel(main, {
+    name: "Test statistic", unit: "1", log: true, height: 160,
+    lines: [
+      { name: "threshold", values: col.thr, css: "limit", dash: [6, 4], width: 1, steps: true },
+      { name: "statistic", values: col.stat, css: "error", width: 1 },
+    ],
+  });
+  linePanel(main, {
+    name: "Satellites", unit: "", log: false, height: 110, whole: true,
+    lines: [
+      { name: "received", values: col.nvis, css: "soft", width: 1, steps: true },
+      { name: "used", values: col.nsat, css: "level", width: 1.5, steps: true },
+    ],
+  });
+  if (D.sats.length) {
+    let before = "";
+    const rows = D.sats.map((s) => {
+      const rule = s.id[0] !== before;
+      before = s.id[0];
+      return { label: s.id, rule, layers: [{ css: "level", ranges: unbroken(s.used) }, { css: "alert", ranges: unbroken(s.out), inset: 1 }] };
+    });
+    const inRange = (ranges, i) => ranges.some(([a, b]) => i >= a && i < b);
+    stripPanel(main, {
+      name: D.hasUsed ? "Satellites used and excluded" : "Satellites excluded",
+      rowHeight: 12, rows,
+      keys: D.hasUsed ? [["used", "level"], ["excluded", "alert"]] : [["excluded", "alert"]],
+      read: (i) => {
+        const out = D.sats.filter((s) => inRange(s.out, i)).map((s) => s.id);
+        return out.length ? "excluded " + out.join(" ") : "";
+      },
+    });
+  }
+  if (D.truth) {
+    const pair = document.createElement("div");
+    pair.className = "pair";
+    main.append(pair);
+    stanford(pair, "Horizontal level against error", col.he, col.hpl, col.hal);
+    stanford(pair, "Vertical level against error", col.ve, col.vpl, col.val);
+  }
+
+  // ---- moving about -------------------------------------------------------------------------
+  const output = document.getElementById("cursor");
+  const help = output.textContent;
+  const resetButton = document.getElementById("reset");
+  const scaleButton = document.getElementById("scale");
+  let drag = null;
+  let queued = false;
+  function redraw() {
+    if (queued) return;
+    queued = true;
+    requestAnimationFrame(() => { queued = false; drawAll(); });
+  }
+  function drawAll() {
+    for (const p of panels) p.draw();
+    resetButton.disabled = view[0] === whole[0] && view[1] === whole[1];
+  }
+  function setCursor(i) {
+    if (cursor === i) return;
+    cursor = i;
+    for (const p of panels) p.read(i);
+    output.replaceChildren();
+    if (i === null) {
+      output.textContent = help;
+    } else {
+      const time = document.createElement("b");
+      time.textContent = clock(T[i], timeDigits);
+      output.append(time);
+      if (D.tow0 !== null) {
+        const tow = (D.tow0 + T[i] - T[0]) % 604800;
+        output.append(" · week " + col.week[i] + ", " + tow.toFixed(timeDigits) + " s · ");
+      } else output.append(" · ");
+      const state = document.createElement("b");
+      state.textContent = D.states[col.state[i]];
+      output.append(state);
+      const reason = D.reasons[col.reason[i]];
+      if (reason !== "none" && reason !== "") output.append(": " + words(reason));
+      if (col.nsat[i] === col.nsat[i]) output.append(" · " + col.nsat[i] + " satellites");
+    }
+    redraw();
+  }
+  function nearest(t) {
+    const k = lower(t);
+    if (k <= 0) return 0;
+    if (k >= N) return N - 1;
+    return t - T[k - 1] < T[k] - t ? k - 1 : k;
+  }
+  function setView(a, b) {
+    const least = Math.max(step * 4, 1e-3);
+    if (b - a < least) { const m = (a + b) / 2; a = m - least / 2; b = m + least / 2; }
+    view = [Math.max(whole[0], a), Math.min(whole[1], b)];
+    if (!(view[1] > view[0])) view = whole.slice();
+    redraw();
+  }
+  for (const p of panels) {
+    if (p.still) continue;
+    const at = (event) => {
+      const x = event.clientX - p.canvas.getBoundingClientRect().left;
+      return Math.min(view[1], Math.max(view[0], tOf(p, x)));
+    };
+    p.canvas.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      const t = at(event);
+      drag = { from: t, to: t, x: event.clientX, live: false };
+      p.canvas.setPointerCapture(event.pointerId);
+      setCursor(nearest(t));
+    });
+    p.canvas.addEventListener("pointermove", (event) => {
+      const t = at(event);
+      if (drag) {
+        drag.to = t;
+        if (Math.abs(event.clientX - drag.x) > 5) drag.live = true;
+        if (drag.live) redraw();
+      }
+      setCursor(nearest(t));
+    });
+    p.canvas.addEventListener("pointerup", () => {
+      if (drag && drag.live) {
+        const [a, b] = [Math.min(drag.from, drag.to), Math.max(drag.from, drag.to)];
+        drag = null;
+        setView(a, b);
+      }
+      drag = null;
+    });
+    p.canvas.addEventListener("pointercancel", () => { drag = null; redraw(); });
+    p.canvas.addEventListener("pointerleave", (event) => { if (!drag && event.pointerType === "mouse") setCursor(null); });
+    p.canvas.addEventListener("dblclick", () => setView(whole[0], whole[1]));
+  }
+  resetButton.addEventListener("click", () => setView(whole[0], whole[1]));
+  scaleButton.addEventListener("click", () => {
+    logScale = !logScale;
+    scaleButton.textContent = logScale ? "linear scale" : "logarithmic scale";
+    redraw();
+  });
+  const recolour = () => { readColours(); drawAll(); };
+  window.addEventListener("resize", redraw);
+  for (const query of ["(prefers-color-scheme: dark)", "print"]) window.matchMedia(query).addEventListener("change", recolour);
+  recolour();
+})();

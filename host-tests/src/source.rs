@@ -1,0 +1,478 @@
+//! An input file becomes what a monitor takes: bytes, with the ephemerides in their causal places.
+//!
+//! | input | becomes |
+//! |---|---|
+//! | RTCM 3, nothing added | the bytes as recorded |
+//! | RTCM 3 with faults or navigation files | decoded by core's own `Ingest`, sent again as native frames |
+//! | RINEX observations | native frames: exact numbers, one group of frames per epoch |
+//! | native frames | the bytes as they are |
+//!
+//! An ephemeris of a navigation file goes before the first epoch that is not earlier than its
+//! transmission; those transmitted before the first epoch go up front, as in a receiver that had
+//! been running. What a file is, its content says.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use surefix_core::config::Config;
+use surefix_core::gnss::klobuchar::KlobucharParameters;
+use surefix_core::gnss::{Ephemeris, ObservationEpoch};
+use surefix_core::ingest::{
+    Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_end_of_stream, encode_ephemeris,
+    encode_klobuchar, encode_observations,
+};
+use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
+use surefix_core::wire::counters::Counters;
+use surefix_core::wire::crc::crc24q;
+use surefix_core::wire::native;
+
+use crate::faults::{FaultInjector, FaultSpec};
+use crate::rinex::{
+    self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
+};
+
+/// What arrives, in the order of arrival.
+#[derive(Clone, Debug)]
+pub enum Item {
+    /// A broadcast ephemeris.
+    Ephemeris(Box<Ephemeris>),
+    /// Ionosphere parameters.
+    Klobuchar(KlobucharParameters),
+    /// An observation epoch.
+    Epoch(Box<ObservationEpoch>),
+}
+
+/// What a recording was, besides its items.
+#[derive(Clone, Debug, Default)]
+pub struct RecordingInfo {
+    /// Its format, in words.
+    pub format: String,
+    /// Where the antenna was according to the file, ECEF, m, and which part of the file says so.
+    pub station: Option<([f64; 3], String)>,
+    /// Epochs.
+    pub epochs: u64,
+    /// Losses that cost epochs or parts of them, by cause.
+    pub losses: BTreeMap<String, u64>,
+    /// What was passed over because surefix does not use it.
+    pub skipped: BTreeMap<String, u64>,
+}
+
+/// A recording held in memory, decoded once.
+#[derive(Clone, Debug, Default)]
+pub struct Recording {
+    /// What arrived.
+    pub items: Vec<Item>,
+    /// What it was.
+    pub info: RecordingInfo,
+}
+
+/// The bytes to send to a monitor.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    /// From a Configuration frame to an EndOfStream frame.
+    pub bytes: Vec<u8>,
+    /// What they were made from.
+    pub info: RecordingInfo,
+}
+
+/// What content was recognised.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Rinex,
+    Rtcm3,
+    Native,
+}
+
+/// How far into a file frames are looked for.
+const SEARCHED_BYTES: usize = 1 << 20;
+
+fn has_rtcm3_frame(bytes: &[u8]) -> bool {
+    let searched = &bytes[..bytes.len().min(SEARCHED_BYTES)];
+    searched.iter().enumerate().any(|(k, byte)| {
+        *byte == 0xd3
+            && bytes.get(k..k + 3).is_some_and(|head| {
+                let length = usize::from(head[1] & 0x03) << 8 | usize::from(head[2]);
+                head[1] & 0xfc == 0
+                    && bytes.get(k..k + 6 + length).is_some_and(|frame| {
+                        let (content, crc) = frame.split_at(3 + length);
+                        let sent = crc.iter().fold(0, |sum, b| sum << 8 | u32::from(*b));
+                        crc24q(content) == sent
+                    })
+            })
+    })
+}
+
+fn has_native_frame(bytes: &[u8]) -> bool {
+    let searched = &bytes[..bytes.len().min(SEARCHED_BYTES)];
+    searched
+        .windows(2)
+        .enumerate()
+        .any(|(k, pair)| pair == b"SF" && native::Frame::parse(&bytes[k..]).is_ok())
+}
+
+fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
+    let name = path.display();
+    if bytes.is_empty() {
+        bail!("{name} is empty: give a recording");
+    }
+    if rinex::looks_like_rinex(bytes) {
+        return Ok(Format::Rinex);
+    }
+    if has_rtcm3_frame(bytes) {
+        return Ok(Format::Rtcm3);
+    }
+    if has_native_frame(bytes) {
+        return Ok(Format::Native);
+    }
+    let next = "give RTCM 3, or RINEX 3 or 4 observations (plain, .gz or .crx)";
+    if bytes.starts_with(&[0x1f, 0x9d]) {
+        bail!("{name} is compressed with Unix compress (.Z): expand it with `uncompress` first");
+    }
+    if bytes.starts_with(b"PK\x03\x04") {
+        bail!("{name} is a ZIP archive: unpack it first");
+    }
+    if bytes.windows(2).any(|pair| pair == [0xb5, 0x62]) {
+        bail!(
+            "{name} looks like u-blox UBX, which is not read yet: convert it to RINEX, for example with RTKLIB convbin, or {next}"
+        );
+    }
+    if bytes.starts_with(b"$G") {
+        bail!("{name} looks like NMEA, which holds positions but no observations: {next}");
+    }
+    let start: String = String::from_utf8_lossy(&bytes[..bytes.len().min(40)])
+        .chars()
+        .map(|c| if c.is_control() { '.' } else { c })
+        .collect();
+    bail!("{name} is no recording surefix knows; it starts with \"{start}\": {next}");
+}
+
+/// Navigation files, merged and in order of transmission.
+#[derive(Clone, Debug, Default)]
+struct Navigation {
+    ephemerides: Vec<TimedEphemeris>,
+    klobuchar: Vec<(Option<GpsTime>, KlobucharParameters)>,
+    next_ephemeris: usize,
+    next_klobuchar: usize,
+}
+
+impl Navigation {
+    fn read(paths: &[PathBuf], info: &mut RecordingInfo) -> Result<Self> {
+        let mut all = Self::default();
+        for path in paths {
+            let name = path.display();
+            let bytes = rinex::read_unzipped(path)?;
+            if !rinex::looks_like_rinex(&bytes) {
+                bail!("{name} is no RINEX file: --nav takes RINEX 3 or 4 navigation files");
+            }
+            let (text, content) = rinex::text_of(bytes).with_context(|| format!("{name}"))?;
+            if content != Content::Navigation {
+                bail!(
+                    "{name} is a RINEX observation file: give it as --gnss, and the navigation file as --nav"
+                );
+            }
+            let file = NavigationFile::parse(&text).with_context(|| format!("{name}"))?;
+            if file.bad_records > 0 {
+                *info.losses.entry("nav_bad_records".into()).or_default() += file.bad_records;
+            }
+            for (record, count) in file.other_records {
+                *info.skipped.entry(format!("nav {record}")).or_default() += count;
+            }
+            all.ephemerides.extend(file.ephemerides);
+            all.klobuchar.extend(file.klobuchar);
+        }
+        all.ephemerides.sort_by_key(|e| e.transmitted);
+        all.klobuchar.sort_by_key(|k| k.0);
+        Ok(all)
+    }
+
+    /// Hands over what was transmitted up to `time` and not handed over before.
+    fn release_until(&mut self, time: GpsTime, take: &mut dyn FnMut(Item)) {
+        while let Some((at, parameters)) = self.klobuchar.get(self.next_klobuchar)
+            && at.is_none_or(|at| at <= time)
+        {
+            take(Item::Klobuchar(*parameters));
+            self.next_klobuchar += 1;
+        }
+        while let Some(timed) = self.ephemerides.get(self.next_ephemeris)
+            && timed.transmitted <= time
+        {
+            take(Item::Ephemeris(Box::new(timed.ephemeris)));
+            self.next_ephemeris += 1;
+        }
+    }
+}
+
+/// Decodes a recording item by item.
+///
+/// # Errors
+/// When a file cannot be read or is not what its place asks for; the message tells what to do.
+pub fn decode(
+    gnss: &Path,
+    nav: &[PathBuf],
+    config: &Config,
+    take: &mut dyn FnMut(Item),
+) -> Result<RecordingInfo> {
+    let bytes = rinex::read_unzipped(gnss)?;
+    let format = recognise(&bytes, gnss)?;
+    let mut info = RecordingInfo::default();
+    let mut navigation = Navigation::read(nav, &mut info)?;
+    match format {
+        Format::Rinex => decode_rinex(bytes, gnss, &mut navigation, &mut info, take)?,
+        Format::Rtcm3 | Format::Native => {
+            decode_frames(&bytes, config, &mut navigation, &mut info, take);
+            info.format = frames_format(format).into();
+        }
+    }
+    if info.epochs == 0 {
+        bail!(
+            "{} holds no observation epoch: record MSM4 to MSM7 messages, or give RINEX observations",
+            gnss.display()
+        );
+    }
+    Ok(info)
+}
+
+fn frames_format(format: Format) -> &'static str {
+    match format {
+        Format::Rtcm3 => "RTCM 3",
+        Format::Native => "surefix native frames",
+        Format::Rinex => "RINEX",
+    }
+}
+
+fn decode_rinex(
+    bytes: Vec<u8>,
+    path: &Path,
+    navigation: &mut Navigation,
+    info: &mut RecordingInfo,
+    take: &mut dyn FnMut(Item),
+) -> Result<()> {
+    let name = path.display();
+    let (text, content) = rinex::text_of(bytes).with_context(|| format!("{name}"))?;
+    if content == Content::Navigation {
+        bail!(
+            "{name} is a RINEX navigation file: give it as --nav, and the observation file as --gnss"
+        );
+    }
+    if navigation.ephemerides.is_empty() {
+        bail!(
+            "{name} is a RINEX observation file and holds no ephemerides: give a navigation file of the same time with --nav"
+        );
+    }
+    let mut reader = ObservationReader::new(&text).with_context(|| format!("{name}"))?;
+    let header = reader.header();
+    info.format = format!("RINEX {}", header.version);
+    info.station = header
+        .approximate_position_m
+        .map(|r_e_m| (r_e_m, "RINEX header APPROX POSITION XYZ".into()));
+    let mut epoch = ObservationEpoch::EMPTY;
+    while reader.next_epoch(&mut epoch) {
+        navigation.release_until(epoch.time, take);
+        take(Item::Epoch(Box::new(epoch.clone())));
+    }
+    let ObservationCounts {
+        epochs,
+        other_systems,
+        events,
+        bad_epochs,
+        bad_lines,
+        bad_fields,
+        no_room,
+    } = reader.counts().clone();
+    info.epochs = epochs;
+    for (cause, count) in [
+        ("rinex_bad_epochs", bad_epochs),
+        ("rinex_bad_lines", bad_lines),
+        ("rinex_bad_fields", bad_fields),
+    ] {
+        if count > 0 {
+            info.losses.insert(cause.into(), count);
+        }
+    }
+    for (what, count) in [("signals beyond six", no_room), ("events", events)] {
+        if count > 0 {
+            info.skipped.insert(format!("obs {what}"), count);
+        }
+    }
+    for (letter, count) in other_systems {
+        info.skipped.insert(format!("obs {letter}"), count);
+    }
+    Ok(())
+}
+
+/// Decodes frames with core's own decoder, so that nothing is read twice in two ways.
+fn decode_frames(
+    bytes: &[u8],
+    config: &Config,
+    navigation: &mut Navigation,
+    info: &mut RecordingInfo,
+    take: &mut dyn FnMut(Item),
+) {
+    let mut ingest = Box::new(Ingest::EMPTY);
+    ingest.configure(config);
+    let mut items = Vec::new();
+    let mut rest = bytes;
+    let mut ended = false;
+    while !ended {
+        let event = if rest.is_empty() {
+            ingest.finish()
+        } else {
+            let (used, event) = ingest.push(rest);
+            rest = rest.get(used..).unwrap_or_default();
+            event
+        };
+        match event {
+            Event::Nothing | Event::Configuration(_) => {}
+            Event::EndOfStream => ended = rest.is_empty(),
+            Event::Ephemeris(ephemeris) => items.push(Item::Ephemeris(Box::new(ephemeris))),
+            Event::Klobuchar(parameters) => items.push(Item::Klobuchar(parameters)),
+            Event::StationPosition(r_e_m) => {
+                info.station = Some((r_e_m, "RTCM 1005/1006 station position".into()));
+            }
+            Event::WeekResolved { shift_weeks } => {
+                for item in &mut items {
+                    shift(item, i64::from(shift_weeks) * NS_PER_WEEK);
+                }
+            }
+            Event::EpochReady => items.push(Item::Epoch(Box::new(ingest.epoch().clone()))),
+        }
+    }
+    let counters = *ingest.counters();
+    info.epochs = u64::from(counters.epochs);
+    info.losses.extend(losses(&counters));
+    for item in items {
+        if let Item::Epoch(epoch) = &item {
+            navigation.release_until(epoch.time, take);
+        }
+        take(item);
+    }
+}
+
+/// Moves everything an item says of time.
+fn shift(item: &mut Item, ns: i64) {
+    match item {
+        Item::Ephemeris(ephemeris) => {
+            ephemeris.toe = ephemeris.toe.plus_ns(ns);
+            ephemeris.toc = ephemeris.toc.plus_ns(ns);
+        }
+        Item::Klobuchar(_) => {}
+        Item::Epoch(epoch) => epoch.time = epoch.time.plus_ns(ns),
+    }
+}
+
+/// Counters of what was used or is of no concern to surefix; every other one that is not zero
+/// means that input was lost.
+const NO_LOSS: [&str; 13] = [
+    "rtcm_frames",
+    "native_frames",
+    "nmea_lines",
+    "rtcm_unsupported",
+    "rtcm_unknown",
+    "msm_used",
+    "msm_skipped",
+    "ephemerides",
+    "unknown_satellites",
+    "unknown_signals",
+    "invalid_pseudoranges",
+    "signals_lost",
+    "epochs",
+];
+
+/// The counters that mean lost input, by name.
+pub fn losses(counters: &Counters) -> BTreeMap<String, u64> {
+    counters
+        .rows()
+        .filter(|(name, count)| *count > 0 && !NO_LOSS.contains(name))
+        .map(|(name, count)| (name.to_owned(), u64::from(count)))
+        .collect()
+}
+
+impl Recording {
+    /// Decodes a recording and holds all of it.
+    ///
+    /// # Errors
+    /// As [`decode`].
+    pub fn read(gnss: &Path, nav: &[PathBuf], config: &Config) -> Result<Self> {
+        let mut items = Vec::new();
+        let info = decode(gnss, nav, config, &mut |item| items.push(item))?;
+        Ok(Self { items, info })
+    }
+}
+
+/// Writes items as native frames, with faults on the epochs.
+struct FrameWriter {
+    bytes: Vec<u8>,
+    faults: FaultInjector,
+    first: Option<GpsTime>,
+    buffer: Vec<u8>,
+}
+
+impl FrameWriter {
+    fn new(config: &Config, faults: &[FaultSpec], seed: u64) -> Result<Self> {
+        let mut writer = Self {
+            bytes: Vec::new(),
+            faults: FaultInjector::new(faults, seed),
+            first: None,
+            buffer: vec![0; MAX_EPOCH_BYTES.max(native::MAX_FRAME)],
+        };
+        writer.append(|out| encode_configuration(config, out));
+        Ok(writer)
+    }
+
+    fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> Result<usize, native::Full>) {
+        // The buffer holds the largest epoch, so nothing is ever too long for it.
+        if let Ok(length) = encode(&mut self.buffer) {
+            self.bytes.extend_from_slice(&self.buffer[..length]);
+        }
+    }
+
+    fn write(&mut self, item: Item) {
+        match item {
+            Item::Ephemeris(ephemeris) => self.append(|out| encode_ephemeris(&ephemeris, out)),
+            Item::Klobuchar(parameters) => self.append(|out| encode_klobuchar(&parameters, out)),
+            Item::Epoch(mut epoch) => {
+                let first = *self.first.get_or_insert(epoch.time);
+                let since_ns = epoch.time.ns() - first.ns();
+                self.faults
+                    .apply(&mut epoch, since_ns as f64 / NS_PER_S as f64);
+                self.append(|out| encode_observations(&epoch, out));
+            }
+        }
+    }
+
+    fn finish(mut self) -> Vec<u8> {
+        self.append(encode_end_of_stream);
+        self.bytes
+    }
+}
+
+/// Makes the bytes to send to a monitor.
+///
+/// # Errors
+/// As [`decode`].
+pub fn stream(
+    gnss: &Path,
+    nav: &[PathBuf],
+    config: &Config,
+    faults: &[FaultSpec],
+    seed: u64,
+) -> Result<Stream> {
+    let mut writer = FrameWriter::new(config, faults, seed)?;
+    let raw = rinex::read_unzipped(gnss)?;
+    let format = recognise(&raw, gnss)?;
+    if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
+        // As recorded; decoded beside that for the station's position and the number of epochs.
+        let info = decode(gnss, nav, config, &mut |_| {})?;
+        writer.bytes.extend_from_slice(&raw);
+        return Ok(Stream {
+            bytes: writer.finish(),
+            info,
+        });
+    }
+    let info = decode(gnss, nav, config, &mut |item| writer.write(item))?;
+    Ok(Stream {
+        bytes: writer.finish(),
+        info,
+    })
+}

@@ -1,0 +1,70 @@
+//! `cargo xtask demo`: an approach with a faulted satellite, flown through the emulated Cortex-M7.
+//!
+//! A thin layer over three commands anyone can type; each is printed before it runs.
+
+use std::fs;
+
+use crate::checks::checked;
+use crate::process::command;
+use crate::workspace::Workspace;
+use crate::{Failure, Result, images, setup};
+
+/// Where the demo writes, inside the workspace.
+const FOLDER: &str = "out/demo";
+
+/// A ramp of 1 m/s on the pseudorange of one satellite, from 90 s after the start to 180 s.
+const FAULT: &str = "G05:ramp:1:90:180";
+
+/// Simulates, streams the bytes into the board, and ends with the report's path.
+pub fn run(workspace: &Workspace) -> Result {
+    setup::run(workspace)?;
+    println!("demo: building the firmware and the surefix command");
+    checked(images::build_command(workspace).args(["--bin", images::APPLICATION]))?;
+
+    surefix(
+        workspace,
+        &["simulate", "approach", "--seed", "1", "--out", FOLDER],
+    )?;
+    let receiver = format!("{FOLDER}/receiver.rtcm3");
+    let truth = format!("{FOLDER}/truth.csv");
+    let results = format!("{FOLDER}/results");
+    surefix(
+        workspace,
+        &[
+            "replay", "--gnss", &receiver, "--truth", &truth, "--fault", FAULT, "--on", "qemu",
+            "--out", &results,
+        ],
+    )?;
+
+    let report = workspace.root.join(&results).join("report.html");
+    let report = fs::canonicalize(&report).map_err(|error| {
+        Failure::new(
+            format!(
+                "the replay has left no report at {}: {error}",
+                report.display()
+            ),
+            format!("run `cargo surefix report {results}` and read what it says"),
+        )
+    })?;
+    println!("demo: open {}", report.display());
+    Ok(())
+}
+
+/// One `cargo surefix` command, shown first.
+fn surefix(workspace: &Workspace, arguments: &[&str]) -> Result {
+    println!("demo: cargo surefix {}", arguments.join(" "));
+    checked(
+        command(workspace, "cargo")
+            .args([
+                "run",
+                "--quiet",
+                "--locked",
+                "--package",
+                "surefix-host-tests",
+                "--bin",
+                "surefix",
+                "--",
+            ])
+            .args(arguments),
+    )
+}
