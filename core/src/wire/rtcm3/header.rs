@@ -14,11 +14,12 @@ const MS_PER_WEEK: u32 = 604_800_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EpochTime {
-    /// Milliseconds into the week of GPS time; Galileo, SBAS and QZSS use it too.
+    /// Milliseconds into the week of GPS time; Galileo and QZSS use it too.
     Gpst(u32),
     /// Milliseconds into the week of BDS time.
     Bdt(u32),
-    /// GLONASS and NavIC count in other ways; not used.
+    /// GLONASS and NavIC count in other ways, and of SBAS some receivers write the time of day; not
+    /// used.
     Other,
 }
 
@@ -123,12 +124,11 @@ impl MsmHeader {
         let satellites = cursor.unsigned(32)? << 32 | cursor.unsigned(32)?;
         let signals = cursor.unsigned(32)? as u32;
         let epoch = match constellation {
-            Constellation::Gps
-            | Constellation::Galileo
-            | Constellation::Sbas
-            | Constellation::Qzss => EpochTime::Gpst(epoch_ms),
+            Constellation::Gps | Constellation::Galileo | Constellation::Qzss => {
+                EpochTime::Gpst(epoch_ms)
+            }
             Constellation::Bds => EpochTime::Bdt(in_bdt_week(epoch_ms)),
-            Constellation::Glonass | Constellation::Navic => EpochTime::Other,
+            Constellation::Glonass | Constellation::Sbas | Constellation::Navic => EpochTime::Other,
         };
         Some(Self {
             number,
