@@ -3,9 +3,8 @@
 pub mod campaign;
 pub mod faults;
 pub mod output;
+pub mod qemu;
 pub mod replay;
-pub mod qemu;
-pub mod qemu;
 pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;
