@@ -138,7 +138,7 @@ fn check_no_panic(workspace: &Workspace) -> Result {
     let bytes = read(&image)?;
     let elf = parse(&image, &bytes)?;
     let names = elf.symbols();
-    if let Some(name) = names.iter().find(|name| name.contains("panicking")) {
+    if let Some((name, _)) = names.iter().find(|(name, _)| name.contains("panicking")) {
         return Err(Failure::new(
             format!("{} contains {name}", image.display()),
             "find what calls it and make that return an error",
