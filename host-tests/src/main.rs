@@ -15,7 +15,11 @@ use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
 
 #[derive(Parser)]
-#[command(name = "surefix", version, about = "GNSS integrity monitor: replay, simulation, campaigns, reports")]
+#[command(
+    name = "surefix",
+    version,
+    about = "GNSS integrity monitor: replay, simulation, campaigns, reports"
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -39,7 +43,12 @@ struct ReplayArguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "at_llh"])]
     truth: Option<PathBuf>,
     /// True position of a fixed antenna, ECEF, m
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with = "at_llh")]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        allow_hyphen_values = true,
+        conflicts_with = "at_llh"
+    )]
     at: Option<String>,
     /// True position of a fixed antenna, degrees and metres above WGS-84
     #[arg(long, value_name = "LAT,LON,H", allow_hyphen_values = true)]
@@ -67,7 +76,12 @@ struct ReplayArguments {
 fn triple(name: &str, text: &str) -> Result<[f64; 3]> {
     let numbers: Option<Vec<f64>> = text
         .split(',')
-        .map(|part| part.trim().parse().ok().filter(|value: &f64| value.is_finite()))
+        .map(|part| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|value: &f64| value.is_finite())
+        })
         .collect();
     match numbers.as_deref() {
         Some(&[a, b, c]) => Ok([a, b, c]),

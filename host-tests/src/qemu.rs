@@ -90,6 +90,8 @@ pub enum QemuError {
     Withdrawn {
         /// Bytes sent until then.
         sent: u64,
+        /// How QEMU ended.
+        status: String,
         /// The last lines of the board's log.
         log: Vec<String>,
     },
@@ -175,9 +177,10 @@ pub fn run(
             if kind == Some(Kind::OutputInvalid) {
                 on_frame(&frame);
                 // The reset that follows ends QEMU (`-no-reboot`) once the log has been sent.
-                machine.wait();
+                let (status, _) = machine.wait();
                 return Err(QemuError::Withdrawn {
                     sent: sender.sent(),
+                    status,
                     log: log.last_lines(),
                 });
             }
