@@ -21,7 +21,6 @@ use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
 use crate::output::{self, Summary};
-use crate::qemu;
 use crate::source::{self, RecordingInfo};
 use crate::truth::Truth;
 
