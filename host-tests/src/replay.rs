@@ -380,7 +380,7 @@ impl QemuExecutor {
     /// # Errors
     /// When it cannot be built; the message tells what to do.
     pub fn new() -> Result<Self> {
-        let image = qemu::image::build("surefix", &[]).context("the firmware image")?;
+        let image = qemu::image::build("surefix", &[])?;
         Ok(Self { image })
     }
 }
