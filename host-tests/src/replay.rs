@@ -21,7 +21,7 @@ use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
 use crate::output::{self, Summary};
-use crate::qemu;
+use crate::qemu::QemuExecutor;
 use crate::source::{self, RecordingInfo};
 use crate::truth::Truth;
 
@@ -234,7 +234,7 @@ pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Resul
     let mut reader = OutputReader::default();
     let mut executor: Box<dyn Executor> = match options.machine {
         Machine::Host => Box::new(HostExecutor),
-        Machine::Qemu => Box::new(QemuExecutor::new()?),
+        Machine::Qemu => qemu_executor()?,
     };
     executor.run(&stream.bytes, &mut |piece| {
         reader.push(piece);
@@ -366,29 +366,4 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         counters: result.counters.rows().collect(),
     };
     put("summary.json", serde_json::to_string_pretty(&file)? + "\n")
-}
-
-/// The monitor in the firmware image on the emulated board.
-#[derive(Clone, Debug)]
-pub struct QemuExecutor {
-    image: PathBuf,
-}
-
-impl QemuExecutor {
-    /// Builds the image if need be.
-    ///
-    /// # Errors
-    /// When it cannot be built; the message tells what to do.
-    pub fn new() -> Result<Self> {
-        let image = qemu::image::build("surefix", &[])?;
-        Ok(Self { image })
-    }
-}
-
-impl Executor for QemuExecutor {
-    fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()> {
-        qemu::run(&self.image, stream, qemu::Options::default(), output)
-            .context("on the emulated board")?;
-        Ok(())
-    }
 }

@@ -201,7 +201,9 @@ fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
     assert_eq!(result.fault_free, (5, 0));
     for cell in &result.cells {
         assert!(cell.trials >= 60);
-        assert_eq!(cell.missed_above_level, 0);
+        if cell.magnitude_m >= 30.0 {
+            assert_eq!((cell.missed_above_level, cell.excluded_wrongly), (0, 0));
+        }
         if cell.faulted == 1 && cell.magnitude_m >= 50.0 {
             assert!(cell.detected as f64 >= 0.95 * cell.trials as f64);
         }
@@ -223,13 +225,18 @@ fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
     assert_eq!(merged.cells, result.cells);
 }
 
-/// Issue 2, acceptance 4, last sentence: [P1] section 4 puts six impulses of 12 m at every 200th epoch.
+/// Issue 2, acceptance 4, last sentence. [P1] section 2 puts six impulses of 3σ = 12 m on a day of
+/// GPS at a reference station, one every 200 epochs. Here likewise, on the highest satellite; sigma
+/// is the model's, not the paper's 4 m, and P_FA that of the phase of flight.
 #[test]
 fn six_impulses_of_12_m_are_found_and_nothing_else() {
     let Some((observations, navigation)) = esbc() else {
         return;
     };
-    let config = gps_bds();
+    let config = Config {
+        systems: SystemSet::EMPTY.with(System::Gps),
+        ..Config::PRESET
+    };
     let recording = Recording::read(&observations, &[navigation], &config).unwrap();
     let mut monitor = Box::new(SnapshotMonitor::EMPTY);
     monitor.configure(&config).unwrap();

@@ -6,6 +6,7 @@ use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::orbit::position_velocity;
 use surefix_core::gnss::{Satellite, SignalObservation, System};
 use surefix_host_tests::rtcm_encode::{ephemeris_of, observations_of, quantise};
+use surefix_host_tests::simulate::atmosphere::Ionosphere;
 use surefix_host_tests::simulate::flight::Flight;
 use surefix_host_tests::simulate::orbit::{clock_offset_s, position_frozen_e};
 use surefix_host_tests::simulate::sky::{Sky, WEEK, galileo_fnav};
@@ -21,6 +22,8 @@ fn args(name: Flight, seed: u64) -> Args {
         noise_free: false,
         dual_frequency: true,
         no_troposphere: false,
+        ionosphere: Ionosphere::None,
+        faults: Vec::new(),
     }
 }
 
@@ -127,6 +130,53 @@ fn simulated_bytes_decode_to_the_simulated_observables() {
         println!("{}: {compared} observations compared", flight.name());
         assert!(compared > 10_000);
     }
+}
+
+#[test]
+fn a_fault_is_on_its_satellite_and_on_no_other() {
+    let mut args = args(Flight::Approach, 5);
+    args.duration = Some(30.0);
+    let clean: Vec<_> = epochs(&args).unwrap().collect();
+    args.faults = vec!["C25:step:50:10:20".parse().unwrap()];
+    let faulty: Vec<_> = epochs(&args).unwrap().collect();
+    let mut touched = 0;
+    for (t_s, (clean, faulty)) in clean.iter().zip(&faulty).enumerate() {
+        for (a, b) in clean
+            .observations
+            .satellites
+            .iter()
+            .zip(&faulty.observations.satellites)
+        {
+            for (a_signal, b_signal) in a.signals.iter().zip(&b.signals) {
+                let difference_m =
+                    b_signal.pseudorange_m.unwrap() - a_signal.pseudorange_m.unwrap();
+                let due = a.satellite.to_string() == "C25" && (10..20).contains(&t_s);
+                assert!((difference_m - if due { 50.0 } else { 0.0 }).abs() < 1e-6);
+                touched += usize::from(due);
+            }
+        }
+    }
+    assert_eq!(
+        touched, 20,
+        "C25 is in view of the approach with two signals"
+    );
+}
+
+#[test]
+fn a_scenario_file_says_what_was_simulated() {
+    let mut args = args(Flight::Approach, 5);
+    args.duration = Some(2.0);
+    args.faults = vec!["C25:ramp:0.5:10:20:rr".parse().unwrap()];
+    let text = simulate(&args).unwrap().scenario_toml;
+    let scenario: toml::Table = text.parse().unwrap();
+    assert_eq!(scenario["epochs"].as_integer(), Some(3));
+    assert_eq!(scenario["faults"][0]["satellite"].as_str(), Some("C25"));
+    assert_eq!(
+        scenario["faults"][0]["magnitude_mps"]
+            .as_float()
+            .or(Some(0.5)),
+        Some(0.5)
+    );
 }
 
 /// Two evaluations of the same elements that share no code: the receiver's in rotating axes at

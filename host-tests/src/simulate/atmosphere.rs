@@ -7,28 +7,47 @@ use core::f64::consts::PI;
 
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::System;
+use surefix_core::gnss::klobuchar::KlobucharParameters;
 use surefix_core::gnss::signal::{FREQUENCY_B1I_HZ, FREQUENCY_L1_HZ};
+use surefix_core::time::GpsTime;
 
-/// Broadcast ionosphere parameters: α0 … α3 in s, s/semicircle, …; β0 … β3 likewise.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Klobuchar {
-    /// Amplitude.
-    pub alpha: [f64; 4],
-    /// Period.
-    pub beta: [f64; 4],
+/// Ionosphere parameters of the simulations, in the sizes of quiet days and on the grid of the
+/// broadcast: powers of two times small integers. One set serves both forms of the model.
+pub const ALPHA: [f64; 4] = [
+    12.0 / 1_073_741_824.0,
+    2.0 / 134_217_728.0,
+    -1.0 / 16_777_216.0,
+    -2.0 / 16_777_216.0,
+];
+/// As [`ALPHA`], of the period.
+pub const BETA: [f64; 4] = [50.0 * 2048.0, 5.0 * 16384.0, -65536.0, -4.0 * 65536.0];
+
+/// Which ionosphere lies over the simulation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Ionosphere {
+    /// None.
+    None,
+    /// The broadcast model of GPS, for every satellite.
+    Klobuchar,
+    /// The broadcast model of BDS, for every satellite.
+    KlobucharBds,
 }
 
-/// Parameters of the simulations, in the sizes of quiet days and on the grid of the broadcast:
-/// powers of two times small integers.
-pub const KLOBUCHAR: Klobuchar = Klobuchar {
-    alpha: [
-        12.0 / 1_073_741_824.0,
-        2.0 / 134_217_728.0,
-        -1.0 / 16_777_216.0,
-        -2.0 / 16_777_216.0,
-    ],
-    beta: [50.0 * 2048.0, 5.0 * 16384.0, -65536.0, -4.0 * 65536.0],
-};
+impl Ionosphere {
+    /// The parameters a receiver would take from the broadcast.
+    pub fn parameters(self) -> Option<KlobucharParameters> {
+        let system = match self {
+            Self::None => return None,
+            Self::Klobuchar => System::Gps,
+            Self::KlobucharBds => System::Bds,
+        };
+        Some(KlobucharParameters {
+            system,
+            alpha: ALPHA,
+            beta: BETA,
+        })
+    }
+}
 
 /// Where the signal crosses the atmosphere.
 #[derive(Clone, Copy, Debug)]
@@ -67,30 +86,19 @@ pub fn troposphere_m(ray: &Ray) -> f64 {
     (hydrostatic_m + wet_m) * 1.001 / libm::sqrt(0.002_001 + sin_elevation * sin_elevation)
 }
 
-/// Klobuchar delay, m, on a carrier: the GPS form for GPS and Galileo, the BDS form for BDS.
-///
-/// `second_of_day` is of the system's own time at the receiver.
-pub fn ionosphere_m(
-    system: System,
-    parameters: &Klobuchar,
-    ray: &Ray,
-    second_of_day: f64,
-    frequency_hz: f64,
-) -> f64 {
-    match system {
-        System::Gps | System::Galileo => {
-            let on_l1_m = klobuchar_gps_m(parameters, ray, second_of_day);
-            on_l1_m * (FREQUENCY_L1_HZ / frequency_hz) * (FREQUENCY_L1_HZ / frequency_hz)
-        }
-        System::Bds => {
-            let on_b1i_m = klobuchar_bds_m(parameters, ray, second_of_day);
-            on_b1i_m * (FREQUENCY_B1I_HZ / frequency_hz) * (FREQUENCY_B1I_HZ / frequency_hz)
-        }
-    }
+/// Delay of a pseudorange, m, on a carrier at an instant of GPST.
+pub fn ionosphere_m(model: Ionosphere, ray: &Ray, time: GpsTime, frequency_hz: f64) -> f64 {
+    let second_of_day = |shift_s: f64| (time.tow_s() - shift_s).rem_euclid(86_400.0);
+    let (delay_m, reference_hz) = match model {
+        Ionosphere::None => return 0.0,
+        Ionosphere::Klobuchar => (klobuchar_gps_m(ray, second_of_day(0.0)), FREQUENCY_L1_HZ),
+        Ionosphere::KlobucharBds => (klobuchar_bds_m(ray, second_of_day(14.0)), FREQUENCY_B1I_HZ),
+    };
+    delay_m * (reference_hz / frequency_hz) * (reference_hz / frequency_hz)
 }
 
 /// [IS-GPS-200] 20.3.3.5.2.5 and figure 20-4; angles of the algorithm are semicircles.
-fn klobuchar_gps_m(parameters: &Klobuchar, ray: &Ray, second_of_day: f64) -> f64 {
+fn klobuchar_gps_m(ray: &Ray, second_of_day: f64) -> f64 {
     let elevation = ray.elevation_rad / PI;
     let earth_angle = 0.0137 / (elevation + 0.11) - 0.022;
     let mut latitude = ray.latitude_rad / PI + earth_angle * libm::cos(ray.azimuth_rad);
@@ -99,8 +107,8 @@ fn klobuchar_gps_m(parameters: &Klobuchar, ray: &Ray, second_of_day: f64) -> f64
         + earth_angle * libm::sin(ray.azimuth_rad) / libm::cos(latitude * PI);
     let magnetic = latitude + 0.064 * libm::cos((longitude - 1.617) * PI);
     let local_s = (43_200.0 * longitude + second_of_day).rem_euclid(86_400.0);
-    let amplitude_s = polynomial(&parameters.alpha, magnetic).max(0.0);
-    let period_s = polynomial(&parameters.beta, magnetic).max(72_000.0);
+    let amplitude_s = polynomial(&ALPHA, magnetic).max(0.0);
+    let period_s = polynomial(&BETA, magnetic).max(72_000.0);
     let phase = 2.0 * PI * (local_s - 50_400.0) / period_s;
     let obliquity = 1.0 + 16.0 * (0.53 - elevation) * (0.53 - elevation) * (0.53 - elevation);
     let vertical_s = if phase.abs() < 1.57 {
@@ -113,7 +121,7 @@ fn klobuchar_gps_m(parameters: &Klobuchar, ray: &Ray, second_of_day: f64) -> f64
 }
 
 /// [BDS-SIS-ICD-B1I] 5.2.4.7: geographic latitude, shell at 375 km, Earth radius 6378 km.
-fn klobuchar_bds_m(parameters: &Klobuchar, ray: &Ray, second_of_day: f64) -> f64 {
+fn klobuchar_bds_m(ray: &Ray, second_of_day: f64) -> f64 {
     let ratio = 6378.0 / (6378.0 + 375.0);
     let sin_zenith = ratio * libm::cos(ray.elevation_rad);
     let earth_angle = PI / 2.0 - ray.elevation_rad - libm::asin(sin_zenith);
@@ -125,8 +133,8 @@ fn klobuchar_bds_m(parameters: &Klobuchar, ray: &Ray, second_of_day: f64) -> f64
         + libm::asin(libm::sin(earth_angle) * libm::sin(ray.azimuth_rad) / libm::cos(latitude));
     let local_s = (second_of_day + longitude / PI * 43_200.0).rem_euclid(86_400.0);
     let from_equator = (latitude / PI).abs();
-    let amplitude_s = polynomial(&parameters.alpha, from_equator).max(0.0);
-    let period_s = polynomial(&parameters.beta, from_equator).clamp(72_000.0, 172_800.0);
+    let amplitude_s = polynomial(&ALPHA, from_equator).max(0.0);
+    let period_s = polynomial(&BETA, from_equator).clamp(72_000.0, 172_800.0);
     let from_peak_s = local_s - 50_400.0;
     let vertical_s = if from_peak_s.abs() < period_s / 4.0 {
         5e-9 + amplitude_s * libm::cos(2.0 * PI * from_peak_s / period_s)
@@ -159,12 +167,15 @@ mod tests {
         let zenith_m = troposphere_m(&ray(90.0));
         assert!((2.3..2.5).contains(&zenith_m), "{zenith_m}");
         assert!(troposphere_m(&ray(10.0)) > 5.0 * zenith_m);
-        for system in System::ALL {
+        for model in [Ionosphere::Klobuchar, Ionosphere::KlobucharBds] {
+            let at = |tow_s| {
+                let time = GpsTime::from_week_tow_s(2420, tow_s);
+                ionosphere_m(model, &ray(90.0), time, FREQUENCY_L1_HZ)
+            };
             // 06:20 UTC is 14:00 local time, the peak; 18:00 UTC is night.
-            let peak_m = ionosphere_m(system, &KLOBUCHAR, &ray(90.0), 22_800.0, FREQUENCY_L1_HZ);
-            let night_m = ionosphere_m(system, &KLOBUCHAR, &ray(90.0), 64_800.0, FREQUENCY_L1_HZ);
-            assert!((2.0..12.0).contains(&peak_m), "{system:?} {peak_m}");
-            assert!((1.4..1.6).contains(&night_m), "{system:?} {night_m}");
+            let (peak_m, night_m) = (at(22_800), at(64_800));
+            assert!((2.0..12.0).contains(&peak_m), "{model:?} {peak_m}");
+            assert!((1.4..1.6).contains(&night_m), "{model:?} {night_m}");
         }
     }
 }

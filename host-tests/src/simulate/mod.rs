@@ -20,9 +20,13 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use surefix_core::gnss::System;
+use surefix_core::gnss::klobuchar::KlobucharParameters;
+use surefix_core::ingest::encode_klobuchar;
 use surefix_core::time::{GpsTime, NS_PER_S};
 
+use crate::faults::{FaultInjector, FaultKind, FaultSpec};
 use crate::rtcm_encode::{encode_ephemeris, encode_epoch, encode_station};
+use atmosphere::Ionosphere;
 use flight::Flight;
 use receiver::{Conditions, Epoch, Receiver};
 
@@ -57,6 +61,12 @@ pub struct Args {
     /// A vacuum: no troposphere.
     #[arg(long)]
     pub no_troposphere: bool,
+    /// Ionosphere; its parameters are sent in surefix's own frame, as MSM streams carry none.
+    #[arg(long, value_enum, default_value_t = Ionosphere::None)]
+    pub ionosphere: Ionosphere,
+    /// Fault on a satellite, SAT:KIND:MAG:T0:T1[:rr][:PERIOD], for example G05:step:50:60:180.
+    #[arg(long = "fault", value_name = "SPEC")]
+    pub faults: Vec<FaultSpec>,
 }
 
 /// What a simulation produced.
@@ -78,13 +88,13 @@ pub fn conditions(args: &Args) -> Conditions {
         seed: args.seed,
         noise_free: args.noise_free,
         dual_frequency: args.dual_frequency,
-        ionosphere: false,
+        ionosphere: args.ionosphere,
         troposphere: !args.no_troposphere,
     }
 }
 
-/// The epochs that arguments ask for, before encoding.
-pub fn epochs(args: &Args) -> Result<Receiver> {
+/// The epochs that arguments ask for, faults included, before encoding.
+pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
     if !(0.01..=50.0).contains(&args.rate_hz) {
         bail!("--rate-hz {} is not between 0.01 and 50", args.rate_hz);
     }
@@ -93,13 +103,20 @@ pub fn epochs(args: &Args) -> Result<Receiver> {
         bail!("--duration {duration_s} is not between 0 and 172800 s");
     }
     let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;
-    Ok(Receiver::new(
+    let start = GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S);
+    let receiver = Receiver::new(
         args.name,
         conditions(args),
-        GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S),
+        start,
         duration_s,
         interval_ms * 1_000_000,
-    ))
+    );
+    let mut injector = FaultInjector::new(&args.faults, args.seed);
+    Ok(receiver.map(move |mut epoch| {
+        let t_s = epoch.observations.time.seconds_since(start);
+        injector.apply(&mut epoch.observations, t_s);
+        epoch
+    }))
 }
 
 /// Simulates in memory.
@@ -117,6 +134,9 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
         let start = *first.get_or_insert(time);
         let repeat = time.ns() - start.ns();
         let due = repeat % (EPHEMERIS_INTERVAL_S * NS_PER_S) == 0;
+        if let Some(parameters) = args.ionosphere.parameters().filter(|_| due) {
+            simulation.rtcm3.extend(klobuchar_frame(&parameters)?);
+        }
         if due && args.name == Flight::Static {
             let station = epoch.antenna.position_e_m;
             simulation.rtcm3.extend(encode_station(station.into())?);
@@ -140,6 +160,15 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
     }
     simulation.scenario_toml = scenario_toml(args, simulation.epochs);
     Ok(simulation)
+}
+
+/// Ionosphere parameters in surefix's own frame.
+fn klobuchar_frame(parameters: &KlobucharParameters) -> Result<Vec<u8>> {
+    let mut frame = [0; 256];
+    match encode_klobuchar(parameters, &mut frame) {
+        Ok(length) => Ok(frame[..length].to_vec()),
+        Err(_) => bail!("the ionosphere parameters do not fit a frame of 256 bytes"),
+    }
 }
 
 /// Sends the ephemerides of tracked satellites: all when `due`, otherwise only those not sent yet.
@@ -202,6 +231,8 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
             receiver::PHASE_SIGMA_M,
         )
     };
+    let faults: Vec<String> = args.faults.iter().map(fault_table).collect();
+    let faults = faults.join(", ");
     format!(
         "# Written by `surefix simulate`; the same arguments give the same files.\n\
          flight = \"{}\"\n\
@@ -212,9 +243,11 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
          threshold = {{ lat_deg = {latitude_deg}, lon_deg = {longitude_deg}, h_m = {height_m} }}\n\
          tracking_mask_deg = {}\n\
          signals = \"{}\"\n\
-         ionosphere = \"none\"\n\
+         ionosphere = \"{}\"\n\
          troposphere = \"{}\"\n\
-         {noise}\n\
+         {noise}\
+         faults = [{faults}]   # T0 and T1 in s from the first epoch\n\
+         \n\
          [files]\n\
          receiver = \"receiver.rtcm3\"   # RTCM 3: MSM7, 1019, 1042, 1045, 1046, 1006\n\
          truth = \"truth.csv\"   # antenna at the instant of each measurement, Earth-fixed axes\n",
@@ -228,11 +261,32 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
         } else {
             "GPS 1C, Galileo 1C, BDS 2I"
         },
+        match args.ionosphere {
+            Ionosphere::None => "none",
+            Ionosphere::Klobuchar => "Klobuchar, GPS form",
+            Ionosphere::KlobucharBds => "Klobuchar, BDS form",
+        },
         if args.no_troposphere {
             "none"
         } else {
             "Saastamoinen, standard atmosphere, relative humidity 0.7"
         },
+    )
+}
+
+/// A fault as an inline table.
+fn fault_table(fault: &FaultSpec) -> String {
+    let (kind, unit) = match fault.kind {
+        FaultKind::Step => ("step", "m"),
+        FaultKind::Ramp => ("ramp", "mps"),
+        FaultKind::Noise => ("noise", "m"),
+        FaultKind::Walk => ("walk", "m_per_sqrt_s"),
+        FaultKind::Oscillation => ("osc", "m"),
+    };
+    format!(
+        "{{ satellite = \"{}\", kind = \"{kind}\", magnitude_{unit} = {}, t0_s = {}, t1_s = {}, \
+         on_range_rate = {} }}",
+        fault.satellite, fault.magnitude, fault.t0_s, fault.t1_s, fault.on_range_rate
     )
 }
 

@@ -21,7 +21,7 @@ use surefix_core::gnss::signal::{FREQUENCY_E5B_HZ, FREQUENCY_L1_HZ, FREQUENCY_L2
 use surefix_core::gnss::{Ephemeris, ObservationEpoch, Signal, SignalObservation, System};
 use surefix_core::time::GpsTime;
 
-use super::atmosphere::{KLOBUCHAR, Ray, ionosphere_m, troposphere_m};
+use super::atmosphere::{Ionosphere, Ray, ionosphere_m, troposphere_m};
 use super::flight::{AntennaState, Flight, c_e_enu, geodetic_from_ecef};
 use super::noise::{GaussMarkov, normal, uniform};
 use super::orbit::{clock_offset_s, position_frozen_e};
@@ -47,8 +47,8 @@ pub struct Conditions {
     pub noise_free: bool,
     /// Two signals per satellite: L1 C/A and L2, E1 and E5b, B1I and B3I.
     pub dual_frequency: bool,
-    /// The ionosphere of [`KLOBUCHAR`].
-    pub ionosphere: bool,
+    /// The ionosphere.
+    pub ionosphere: Ionosphere,
     /// The troposphere of Saastamoinen.
     pub troposphere: bool,
 }
@@ -271,23 +271,6 @@ impl Receiver {
         ) - (channel.group_delay_s)(ephemeris);
         SPEED_OF_LIGHT_MPS * (path.flight_s + (bias_s - satellite_s))
     }
-
-    fn ionosphere_m(&self, system: System, ray: &Ray, label: GpsTime, frequency_hz: f64) -> f64 {
-        if !self.conditions.ionosphere {
-            return 0.0;
-        }
-        let own_s = match system {
-            System::Gps | System::Galileo => label.tow_s(),
-            System::Bds => label.tow_s() - 14.0,
-        };
-        ionosphere_m(
-            system,
-            &KLOBUCHAR,
-            ray,
-            own_s.rem_euclid(86_400.0),
-            frequency_hz,
-        )
-    }
 }
 
 impl Iterator for Receiver {
@@ -344,8 +327,12 @@ impl Iterator for Receiver {
                 let clean_m = self.clean_range_m(ephemeris, channel, label, 0.0);
                 let before_m = self.clean_range_m(ephemeris, channel, label, -step_s);
                 let after_m = self.clean_range_m(ephemeris, channel, label, step_s);
-                let ionosphere_m =
-                    self.ionosphere_m(system, &path.ray, label, channel.frequency_hz);
+                let ionosphere_m = ionosphere_m(
+                    self.conditions.ionosphere,
+                    &path.ray,
+                    label,
+                    channel.frequency_hz,
+                );
                 let elevation_rad = path.ray.elevation_rad;
                 let error_m = disturbance.signal_in_space_m
                     + multipath_sigma_m(elevation_rad) * multipath[k]
