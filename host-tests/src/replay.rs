@@ -234,7 +234,7 @@ pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Resul
     let mut reader = OutputReader::default();
     let mut executor: Box<dyn Executor> = match options.machine {
         Machine::Host => Box::new(HostExecutor),
-        Machine::Qemu => qemu_executor()?,
+        Machine::Qemu => Box::new(QemuExecutor::build()?),
     };
     executor.run(&stream.bytes, &mut |piece| {
         reader.push(piece);

@@ -221,7 +221,12 @@ fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
             campaign::steps(&recording, &options).unwrap()
         })
         .collect();
-    let merged = campaign::merge(&shards).unwrap();
+    let mut merged = campaign::merge(&shards).unwrap();
+    for (cell, whole) in merged.cells.iter_mut().zip(&result.cells) {
+        // The iteration starts where the trial before ended, so the last digits may differ.
+        assert!((cell.largest_ratio - whole.largest_ratio).abs() < 1e-6);
+        cell.largest_ratio = whole.largest_ratio;
+    }
     assert_eq!(merged.cells, result.cells);
 }
 
