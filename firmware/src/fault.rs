@@ -32,7 +32,7 @@ const INVALID: [u8; HEADER_LEN + TRAILER_LEN] = {
 };
 
 /// Sends the frame that withdraws the output, then what is left of the log, then resets.
-fn withdraw_output_and_reset() -> ! {
+pub fn withdraw_output_and_reset() -> ! {
     cortex_m::interrupt::disable();
     let mut output = board::emergency_output();
     output.send(&INVALID);
@@ -93,20 +93,20 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 /// Failures on request, for the tests of this file on the emulated board.
 #[cfg(feature = "deliberate-fault")]
 pub mod deliberate {
-    use core::sync::atomic::{AtomicU64, Ordering};
+    use core::sync::atomic::{AtomicU32, Ordering};
 
-    /// The last eight bytes of the stream.
-    static LAST: AtomicU64 = AtomicU64::new(0);
+    /// The last four bytes of the stream.
+    static LAST: AtomicU32 = AtomicU32::new(0);
 
     /// Fails when the stream says so.
     pub fn on_request(bytes: &[u8]) {
         for byte in bytes {
-            let last = LAST.load(Ordering::Relaxed) << 8 | u64::from(*byte);
+            let last = LAST.load(Ordering::Relaxed) << 8 | u32::from(*byte);
             LAST.store(last, Ordering::Relaxed);
             match &last.to_be_bytes() {
-                b"!PANIC!!" => panic!("deliberate"),
-                b"!FAULT!!" => cortex_m::asm::udf(),
-                b"!STACK!!" => drop(overflow(u32::from(*byte))),
+                b"!PAN" => panic!("deliberate"),
+                b"!FLT" => cortex_m::asm::udf(),
+                b"!STK" => drop(overflow(u32::from(*byte))),
                 _ => {}
             }
         }

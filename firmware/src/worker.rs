@@ -54,6 +54,8 @@ impl Worker {
             let bytes = chunk.get(..count).unwrap_or_default();
             self.take(bytes);
             self.acknowledge.taken(count);
+            #[cfg(feature = "slow-worker")]
+            cortex_m::asm::delay(2_000_000);
             #[cfg(feature = "deliberate-fault")]
             crate::fault::deliberate::on_request(bytes);
         }
@@ -103,7 +105,7 @@ impl Worker {
             self.send(length);
         }
         defmt::info!(
-            "end of stream: {=u32} epochs, most instructions per stage {=[u32]}, stack {=usize} bytes",
+            "end of stream: {=u32} epochs, most instructions per stage {}, stack {=usize} bytes",
             counters.epochs,
             self.monitor.ledger().worst(),
             stack::peak_bytes()

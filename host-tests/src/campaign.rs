@@ -80,7 +80,13 @@ impl Cell {
     }
 
     /// Books one trial.
-    fn book(&mut self, faulted: &SatelliteSet, assessment: &Assessment, truth: &Truth, epoch: &ObservationEpoch) {
+    fn book(
+        &mut self,
+        faulted: &SatelliteSet,
+        assessment: &Assessment,
+        truth: &Truth,
+        epoch: &ObservationEpoch,
+    ) {
         let verdict = &assessment.verdict;
         let excluded = &verdict.excluded;
         let healthy_out = excluded.iter().any(|s| !faulted.contains(s));
@@ -190,8 +196,13 @@ impl Bench {
 
     fn assess(&mut self, epoch: &ObservationEpoch) -> Assessment {
         let mut ledger = Ledger::EMPTY;
-        self.monitor
-            .assess(epoch, &self.store, &self.ionosphere, &mut ledger, &mut NoCounter)
+        self.monitor.assess(
+            epoch,
+            &self.store,
+            &self.ionosphere,
+            &mut ledger,
+            &mut NoCounter,
+        )
     }
 }
 
@@ -210,7 +221,10 @@ pub fn steps(recording: &Recording, options: &StepsOptions) -> Result<CampaignRe
         .filter(|item| matches!(item, Item::Epoch(_)))
         .count();
     if options.times == 0 || epochs < options.times {
-        bail!("{epochs} epochs are too few for {} times of day", options.times);
+        bail!(
+            "{epochs} epochs are too few for {} times of day",
+            options.times
+        );
     }
     // The middle of each of the equal parts of the recording.
     let chosen: Vec<usize> = (0..options.times)
@@ -268,8 +282,8 @@ fn at_epoch(
     };
     if *trial == 0 || options.shard.0 == 0 {
         result.fault_free.0 += 1;
-        let detected = healthy.verdict.integrity == Integrity::Alert
-            || !healthy.verdict.excluded.is_empty();
+        let detected =
+            healthy.verdict.integrity == Integrity::Alert || !healthy.verdict.excluded.is_empty();
         result.fault_free.1 += u64::from(detected);
     }
     let used: Vec<Satellite> = solution.used.iter().collect();
@@ -328,7 +342,11 @@ fn draw(
     chosen
         .into_iter()
         .map(|satellite| {
-            let sign = if random.next_u64() & 1 == 0 { 1.0 } else { -1.0 };
+            let sign = if random.next_u64() & 1 == 0 {
+                1.0
+            } else {
+                -1.0
+            };
             (satellite, sign)
         })
         .collect()
@@ -387,16 +405,19 @@ pub fn merge(results: &[CampaignResult]) -> Result<CampaignResult> {
         if (&result.campaign, result.seed) != (&whole.campaign, whole.seed) {
             bail!("results of different campaigns or seeds cannot be merged");
         }
-        if result.shards.iter().any(|shard| whole.shards.contains(shard)) {
+        if result
+            .shards
+            .iter()
+            .any(|shard| whole.shards.contains(shard))
+        {
             bail!("a shard was given twice");
         }
         whole.shards.extend(&result.shards);
         whole.fault_free.0 += result.fault_free.0;
         whole.fault_free.1 += result.fault_free.1;
         for cell in &result.cells {
-            let same = |c: &&mut Cell| {
-                c.faulted == cell.faulted && c.magnitude_m == cell.magnitude_m
-            };
+            let same =
+                |c: &&mut Cell| c.faulted == cell.faulted && c.magnitude_m == cell.magnitude_m;
             match whole.cells.iter_mut().find(same) {
                 Some(sum) => sum.add(cell),
                 None => whole.cells.push(cell.clone()),
@@ -423,7 +444,11 @@ pub struct Args {
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
     /// Directory with the recording
-    #[arg(long, value_name = "DIR", default_value = "../shared/data/esbc-2020-177")]
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "../shared/data/esbc-2020-177"
+    )]
     pub data: PathBuf,
     #[command(flatten)]
     /// The monitor's settings
@@ -473,8 +498,8 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn read(path: &Path) -> Result<CampaignResult> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read {}", path.display()))?;
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     serde_json::from_str(&text).with_context(|| format!("{} is no campaign result", path.display()))
 }
 
@@ -483,5 +508,7 @@ fn parse_shard(text: &str) -> Result<(u64, u64)> {
         let (i, k): (u64, u64) = (i.parse().ok()?, k.parse().ok()?);
         (i >= 1 && i <= k).then_some((i - 1, k))
     });
-    parts.with_context(|| format!("--shard \"{text}\" is not I/K with I from 1 to K, for example 2/8"))
+    parts.with_context(|| {
+        format!("--shard \"{text}\" is not I/K with I from 1 to K, for example 2/8")
+    })
 }

@@ -13,9 +13,14 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
+use surefix_host_tests::{campaign, report, simulate};
 
 #[derive(Parser)]
-#[command(name = "surefix", version, about = "GNSS integrity monitor: replay, simulation, campaigns, reports")]
+#[command(
+    name = "surefix",
+    version,
+    about = "GNSS integrity monitor: replay, simulation, campaigns, reports"
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -25,6 +30,12 @@ struct Arguments {
 enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
+    /// Simulate a flight: the bytes a receiver would send, and the truth
+    Simulate(simulate::Args),
+    /// Many trials of one question, counted
+    Campaign(Box<campaign::Args>),
+    /// One self-contained HTML page of a replay
+    Report(report::Args),
 }
 
 #[derive(clap::Args)]
@@ -39,7 +50,12 @@ struct ReplayArguments {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "at_llh"])]
     truth: Option<PathBuf>,
     /// True position of a fixed antenna, ECEF, m
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, conflicts_with = "at_llh")]
+    #[arg(
+        long,
+        value_name = "X,Y,Z",
+        allow_hyphen_values = true,
+        conflicts_with = "at_llh"
+    )]
     at: Option<String>,
     /// True position of a fixed antenna, degrees and metres above WGS-84
     #[arg(long, value_name = "LAT,LON,H", allow_hyphen_values = true)]
@@ -67,7 +83,12 @@ struct ReplayArguments {
 fn triple(name: &str, text: &str) -> Result<[f64; 3]> {
     let numbers: Option<Vec<f64>> = text
         .split(',')
-        .map(|part| part.trim().parse().ok().filter(|value: &f64| value.is_finite()))
+        .map(|part| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|value: &f64| value.is_finite())
+        })
         .collect();
     match numbers.as_deref() {
         Some(&[a, b, c]) => Ok([a, b, c]),
@@ -179,6 +200,9 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
+        Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("surefix: {error:#}");

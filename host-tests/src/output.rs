@@ -290,7 +290,9 @@ fn is_available(report: &EpochReport, phase: Phase) -> bool {
     report.fix.is_some()
         && verdict.integrity != Integrity::Alert
         && verdict.hpl.is_within(limits.hal_m)
-        && limits.val_m.is_none_or(|val_m| verdict.vpl.is_within(val_m))
+        && limits
+            .val_m
+            .is_none_or(|val_m| verdict.vpl.is_within(val_m))
 }
 
 /// Everything `summary.json` says of the epochs.
@@ -304,7 +306,9 @@ pub fn summarize(
     let mut flags: BTreeMap<_, usize> = BTreeMap::new();
     let mut excluded = SatelliteSet::EMPTY;
     for report in reports {
-        *integrity.entry(report.verdict.integrity.name()).or_default() += 1;
+        *integrity
+            .entry(report.verdict.integrity.name())
+            .or_default() += 1;
         if report.verdict.reason != Reason::None {
             *reasons.entry(report.verdict.reason.name()).or_default() += 1;
         }

@@ -13,12 +13,13 @@ pub mod image;
 mod log;
 mod machine;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use surefix_core::wire::native::{Frame, FrameError, Kind};
 
+use crate::replay::Executor;
 use log::Log;
 use machine::{Acknowledged, Machine, Port};
 
@@ -90,6 +91,8 @@ pub enum QemuError {
     Withdrawn {
         /// Bytes sent until then.
         sent: u64,
+        /// How QEMU ended.
+        status: String,
         /// The last lines of the board's log.
         log: Vec<String>,
     },
@@ -175,9 +178,10 @@ pub fn run(
             if kind == Some(Kind::OutputInvalid) {
                 on_frame(&frame);
                 // The reset that follows ends QEMU (`-no-reboot`) once the log has been sent.
-                machine.wait();
+                let (status, _) = machine.wait();
                 return Err(QemuError::Withdrawn {
                     sent: sender.sent(),
+                    status,
                     log: log.last_lines(),
                 });
             }
@@ -191,6 +195,30 @@ pub fn run(
                 });
             }
         }
+    }
+}
+
+/// The monitor on the emulated board.
+#[derive(Clone, Debug)]
+pub struct QemuExecutor {
+    elf: PathBuf,
+}
+
+impl QemuExecutor {
+    /// Builds the firmware if it is missing or older than its sources.
+    ///
+    /// # Errors
+    /// [`image::ImageError`].
+    pub fn build() -> Result<Self, image::ImageError> {
+        let elf = image::build("surefix", &[])?;
+        Ok(Self { elf })
+    }
+}
+
+impl Executor for QemuExecutor {
+    fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> anyhow::Result<()> {
+        run(&self.elf, stream, Options::default(), output)?;
+        Ok(())
     }
 }
 

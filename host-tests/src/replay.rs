@@ -21,6 +21,7 @@ use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
 use crate::output::{self, Summary};
+use crate::qemu;
 use crate::source::{self, RecordingInfo};
 use crate::truth::Truth;
 
@@ -55,7 +56,7 @@ impl Executor for HostExecutor {
                     }
                 }
                 Some(Ready::EndOfStream) => break,
-                None if rest.is_empty() => break,
+                None if rest.is_empty() => bail!("the stream has no end frame"),
                 None => {}
             }
         }
@@ -368,5 +369,5 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
 }
 
 fn qemu_executor() -> Result<Box<dyn Executor>> {
-    bail!("the emulated board is not built into this command")
+    Ok(Box::new(crate::qemu::QemuExecutor::build()?))
 }

@@ -60,7 +60,10 @@ fn choose<T: Copy>(what: &str, name: &str, choices: &[(&str, T)]) -> Result<T> {
         .map(|(_, value)| *value)
         .ok_or_else(|| {
             let names: Vec<&str> = choices.iter().map(|(choice, _)| *choice).collect();
-            anyhow!("{what} \"{name}\" does not exist: take one of {}", names.join(", "))
+            anyhow!(
+                "{what} \"{name}\" does not exist: take one of {}",
+                names.join(", ")
+            )
         })
 }
 
@@ -147,13 +150,17 @@ impl Settings {
         }
         match config.check() {
             Ok(()) => Ok(config),
-            Err(ConfigError::NoSystem) => bail!("--systems names no constellation: take letters of G, E, C"),
+            Err(ConfigError::NoSystem) => {
+                bail!("--systems names no constellation: take letters of G, E, C")
+            }
             Err(ConfigError::MaskOutOfRange { mask_rad }) => bail!(
                 "the elevation mask {}° is not between 0° and 60°",
                 mask_rad.to_degrees()
             ),
             Err(ConfigError::TooManyExclusions { max_exclusions }) => {
-                bail!("--max-exclusions {max_exclusions} is more than 3, which the search is built for")
+                bail!(
+                    "--max-exclusions {max_exclusions} is more than 3, which the search is built for"
+                )
             }
         }
     }

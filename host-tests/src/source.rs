@@ -133,7 +133,9 @@ fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
         bail!("{name} is a ZIP archive: unpack it first");
     }
     if bytes.windows(2).any(|pair| pair == [0xb5, 0x62]) {
-        bail!("{name} looks like u-blox UBX, which is not read yet: convert it to RINEX, for example with RTKLIB convbin, or {next}");
+        bail!(
+            "{name} looks like u-blox UBX, which is not read yet: convert it to RINEX, for example with RTKLIB convbin, or {next}"
+        );
     }
     if bytes.starts_with(b"$G") {
         bail!("{name} looks like NMEA, which holds positions but no observations: {next}");
@@ -165,7 +167,9 @@ impl Navigation {
             }
             let (text, content) = rinex::text_of(bytes).with_context(|| format!("{name}"))?;
             if content != Content::Navigation {
-                bail!("{name} is a RINEX observation file: give it as --gnss, and the navigation file as --nav");
+                bail!(
+                    "{name} is a RINEX observation file: give it as --gnss, and the navigation file as --nav"
+                );
             }
             let file = NavigationFile::parse(&text).with_context(|| format!("{name}"))?;
             if file.bad_records > 0 {
@@ -247,10 +251,14 @@ fn decode_rinex(
     let name = path.display();
     let (text, content) = rinex::text_of(bytes).with_context(|| format!("{name}"))?;
     if content == Content::Navigation {
-        bail!("{name} is a RINEX navigation file: give it as --nav, and the observation file as --gnss");
+        bail!(
+            "{name} is a RINEX navigation file: give it as --nav, and the observation file as --gnss"
+        );
     }
     if navigation.ephemerides.is_empty() {
-        bail!("{name} is a RINEX observation file and holds no ephemerides: give a navigation file of the same time with --nav");
+        bail!(
+            "{name} is a RINEX observation file and holds no ephemerides: give a navigation file of the same time with --nav"
+        );
     }
     let mut reader = ObservationReader::new(&text).with_context(|| format!("{name}"))?;
     let header = reader.header();

@@ -86,7 +86,11 @@ impl Truth {
             TruthPath::Fixed(r_e_m) => return Some(*r_e_m),
             TruthPath::Track { is_gps_time, rows } => (*is_gps_time, rows),
         };
-        let now = if is_gps_time { time.ns() } else { since_first_ns };
+        let now = if is_gps_time {
+            time.ns()
+        } else {
+            since_first_ns
+        };
         let after = rows.partition_point(|row| row.0 < now);
         let same = [after.checked_sub(1), Some(after)]
             .into_iter()

@@ -69,7 +69,7 @@ impl Entries {
                 }
                 syn::Item::Impl(x) if !types_only && x.trait_.is_none() => self.inherent(x),
                 syn::Item::Mod(x) if !is_test_only(&x.attrs) => {
-                    self.submodule(folder, items, x, types_only);
+                    self.submodule(name, folder, items, x, types_only);
                 }
                 _ => {}
             }
@@ -98,6 +98,7 @@ impl Entries {
 
     fn submodule(
         &mut self,
+        around: &str,
         folder: &Path,
         siblings: &[syn::Item],
         module: &syn::ItemMod,
@@ -105,6 +106,8 @@ impl Entries {
     ) {
         let name = module.ident.to_string();
         let reexported = (!is_public(&module.vis)).then(|| reexports(siblings, &name));
+        // What a private module re-exports is called through the module around it.
+        let shown = if reexported.is_some() { around } else { &name };
         let below = folder.join(&name);
         let items = match &module.content {
             Some((_, items)) => items.clone(),
@@ -114,7 +117,7 @@ impl Entries {
                 parse(if flat.exists() { &flat } else { &nested }).items
             }
         };
-        self.module(&name, &below, &items, reexported.as_ref(), types_only);
+        self.module(shown, &below, &items, reexported.as_ref(), types_only);
     }
 }
 

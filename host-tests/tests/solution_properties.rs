@@ -279,7 +279,11 @@ fn unused(solution: &SnapshotSolution, reason: SatelliteReason) -> u8 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(48))]
+    #![proptest_config(ProptestConfig {
+        cases: 64,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn a_sky_without_noise_solves_to_a_millimetre(

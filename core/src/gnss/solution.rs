@@ -54,9 +54,9 @@ const MAX_ROUNDS: usize = 5;
 const COLD_STEP_M: f64 = 10.0;
 /// The position has settled when a step is this short, m; the error left is its square over the range.
 const FINAL_STEP_M: f64 = 1.0e-3;
-/// Farther than this from where the atmosphere was computed it is computed again, m. A metre of height
-/// is a quarter of a millimetre of zenith delay.
-const SAME_PLACE_M: f64 = 1.0;
+/// Farther than this from where the atmosphere was computed it is computed again, m. A quarter of a metre
+/// of height is less than 0.1 mm of zenith delay and half a millimetre of position.
+const SAME_PLACE_M: f64 = 0.25;
 /// Heights above the ellipsoid a user of this monitor can be at, m: below the lowest land, to where
 /// air begins.
 const PLAUSIBLE_HEIGHT_M: core::ops::RangeInclusive<f64> = -10_000.0..=100_000.0;

@@ -18,6 +18,7 @@ fn main() {}
 mod app {
     use surefix_firmware::board::memory::{MONITOR, RECEIVED};
     use surefix_firmware::board::{self, Interrupt, Ports, log};
+    use surefix_firmware::fault;
     use surefix_firmware::worker::Worker;
 
     #[shared]
@@ -38,7 +39,11 @@ mod app {
             cycles,
         } = board::start();
         defmt::info!("surefix {=str}", env!("CARGO_PKG_VERSION"));
-        let worker = Worker::new(MONITOR.take(), &RECEIVED, output, acknowledge, cycles);
+        // `init` runs once, so the monitor is there.
+        let Some(monitor) = MONITOR.try_take() else {
+            fault::withdraw_output_and_reset()
+        };
+        let worker = Worker::new(monitor, &RECEIVED, output, acknowledge, cycles);
         (Shared {}, Local { receiver, worker })
     }
 

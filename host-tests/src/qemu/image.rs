@@ -58,6 +58,33 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
+/// What this machine lacks to build and run images, if anything.
+pub fn missing() -> Option<String> {
+    let mut rustc = Command::new("rustc");
+    rustc
+        .current_dir(workspace())
+        .args(["--print", "target-libdir", "--target", TARGET]);
+    let mut qemu = Command::new("qemu-system-arm");
+    qemu.arg("--version");
+    let says = |command: &mut Command| {
+        for name in DROPPED {
+            command.env_remove(name);
+        }
+        let output = command.output().ok()?;
+        let text = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+        output.status.success().then_some(text)
+    };
+    if !says(&mut rustc).is_some_and(|folder| Path::new(&folder).is_dir()) {
+        return Some(format!(
+            "{TARGET} is not installed: run `cargo xtask setup`"
+        ));
+    }
+    if says(&mut qemu).is_none() {
+        return Some("qemu-system-arm does not run: run `cargo xtask setup`".to_owned());
+    }
+    None
+}
+
 /// Builds an image of the emulated board, if it is missing or older than its sources, and returns a
 /// copy that no later build overwrites.
 ///

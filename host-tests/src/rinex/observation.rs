@@ -313,10 +313,11 @@ impl<'t> ObservationReader<'t> {
                 signal: places.signal,
                 pseudorange_m: field(places.code, MAX_RANGE),
                 carrier_phase_cycles: field(places.phase, MAX_RANGE),
-                range_rate_mps: places
-                    .wavelength_m
-                    .and_then(|wavelength_m| Some(-wavelength_m * field(places.doppler, MAX_DOPPLER_HZ)?)),
-                cn0_dbhz: field(places.strength, MAX_CN0_DBHZ).filter(|cn0| *cn0 > 0.0)
+                range_rate_mps: places.wavelength_m.and_then(|wavelength_m| {
+                    Some(-wavelength_m * field(places.doppler, MAX_DOPPLER_HZ)?)
+                }),
+                cn0_dbhz: field(places.strength, MAX_CN0_DBHZ)
+                    .filter(|cn0| *cn0 > 0.0)
                     .map(|cn0| cn0 as f32),
             };
             let measured = observation.pseudorange_m.is_some()

@@ -9,11 +9,15 @@
 #[cfg(target_os = "none")]
 mod call;
 #[cfg(target_os = "none")]
+mod facade;
+#[cfg(target_os = "none")]
 mod gnss;
 #[cfg(target_os = "none")]
 mod integrity;
 #[cfg(target_os = "none")]
 mod numbers;
+#[cfg(target_os = "none")]
+mod raim;
 #[cfg(target_os = "none")]
 mod wire;
 
@@ -29,6 +33,8 @@ fn main() -> ! {
     wire::all();
     gnss::all();
     integrity::all();
+    raim::all();
+    facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);
     loop {

@@ -1,14 +1,16 @@
-//! `budget`, `config`, `stats`, `time`.
+//! `budget`, `config`, `frames`, `stats`, `time`.
 
 use crate::call::{call1, call2, call3};
 use surefix_core::budget::{Ledger, Stage};
 use surefix_core::config::Config;
+use surefix_core::frames::geodesy::{self, Llh};
 use surefix_core::stats::{chi2, gamma, normal};
 use surefix_core::time::{self, GpsTime};
 
 pub fn all() {
     time_entries();
     statistics();
+    frames();
 
     let mut ledger = Ledger::EMPTY;
     call1(Ledger::begin_epoch, &mut ledger);
@@ -52,4 +54,16 @@ fn statistics() {
     call3(chi2::noncentral_upper_tail, 0, 0.0, 0.0);
     call3(chi2::noncentral_upper_quantile, 0, 0.0, 0.0);
     call3(chi2::noncentrality, 0, 0.0, 0.0);
+}
+
+fn frames() {
+    let llh = Llh {
+        lat_rad: 0.0,
+        lon_rad: 0.0,
+        height_m: 0.0,
+    };
+    call1(geodesy::to_ecef, &llh);
+    call1(geodesy::to_llh, &geodesy::to_ecef(&llh));
+    call2(geodesy::c_enu_e, 0.0, 0.0);
+    call1(geodesy::direction, &geodesy::to_ecef(&llh));
 }

@@ -1,9 +1,15 @@
 //! `wire`.
 
-use crate::call::{call1, call2, call3};
+use crate::call::{call1, call2, call3, call4};
+use core::hint::black_box;
 use surefix_core::wire::bits::{BitCursor, Bits};
 use surefix_core::wire::crc;
 use surefix_core::wire::native::{self, Frame, Kind, Reader, Writer};
+use surefix_core::wire::rtcm3::{
+    BroadcastEphemeris, Cell, Constellation, Message, Msm, MsmHeader, StationPosition, header,
+    signals,
+};
+use surefix_core::wire::{Counters, Scanner};
 
 pub fn all() {
     let bytes: &[u8] = &[0; 64];
@@ -11,6 +17,46 @@ pub fn all() {
     call1(crc::crc32, bytes);
     bits(bytes);
     native_frame(bytes);
+    rtcm3(bytes);
+    scanner(bytes);
+}
+
+fn rtcm3(bytes: &[u8]) {
+    let bits = Bits::new(bytes);
+    call1(Message::parse, bytes);
+    call2(BroadcastEphemeris::parse, bits, 1019);
+    call1(StationPosition::parse, bits);
+    call1(header::msm_kind, 1077);
+    call4(MsmHeader::parse, bits, 1077, Constellation::Gps, 7);
+    call2(signals::rinex_name, Constellation::Gps, 0);
+    if let Ok(header) = MsmHeader::parse(bits, black_box(1077), Constellation::Gps, black_box(7)) {
+        call1(MsmHeader::cells_announced, &header);
+        call1(MsmHeader::len_bits, &header);
+        call2(Msm::parse, bits, header);
+        if let Ok(msm) = Msm::parse(bits, header) {
+            call1(Msm::header, &msm);
+            call1(Msm::constellation, &msm);
+            call2(Msm::for_each_cell, &msm, |cell: Cell| {
+                black_box(cell);
+            });
+        }
+    }
+}
+
+fn scanner(bytes: &[u8]) {
+    let (mut scanner, mut counters) = (Scanner::EMPTY, Counters::ZERO);
+    call2(Scanner::feed, &mut scanner, bytes);
+    call1(Scanner::end, &mut scanner);
+    call2(Scanner::find, &mut scanner, &mut counters);
+    call1(Scanner::frame, &scanner);
+    call1(Scanner::release, &mut scanner);
+
+    call1(Counters::decode, bytes);
+    call2(Counters::encode, &counters, &mut [0; 200]);
+    call1(
+        |counters| Counters::rows(counters).map(|(_, value)| value).max(),
+        &counters,
+    );
 }
 
 fn bits(bytes: &[u8]) {
@@ -33,7 +79,7 @@ fn native_frame(bytes: &[u8]) {
     call1(Kind::from_u8, 0);
     call1(Frame::expected_len, bytes);
     call1(Frame::parse, bytes);
-    if let Ok((frame, _)) = Frame::parse(core::hint::black_box(bytes)) {
+    if let Ok((frame, _)) = Frame::parse(black_box(bytes)) {
         call1(Frame::kind, &frame);
         call1(Frame::kind_number, &frame);
         call1(Frame::payload, &frame);
@@ -64,6 +110,6 @@ fn native_frame(bytes: &[u8]) {
     call1(Reader::f64, &mut reader);
     call1(Reader::f32, &mut reader);
 
-    let fill = |writer: &mut Writer<'_>| writer.put_bytes(core::hint::black_box(bytes));
+    let fill = |writer: &mut Writer<'_>| writer.put_bytes(black_box(bytes));
     call3(native::encode, Kind::Report, &mut out, fill);
 }
