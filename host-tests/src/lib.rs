@@ -4,7 +4,6 @@ pub mod campaign;
 pub mod faults;
 pub mod output;
 pub mod qemu;
-pub mod qemu;
 pub mod replay;
 pub mod report;
 pub mod rinex;

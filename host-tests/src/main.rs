@@ -13,6 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
+use surefix_host_tests::{campaign, report, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -29,6 +30,12 @@ struct Arguments {
 enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
+    /// Simulate a flight: the bytes a receiver would send, and the truth
+    Simulate(simulate::Args),
+    /// Many trials of one question, counted
+    Campaign(Box<campaign::Args>),
+    /// One self-contained HTML page of a replay
+    Report(report::Args),
 }
 
 #[derive(clap::Args)]
@@ -145,6 +152,7 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
 fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
     let summary = &result.summary;
     let metres = |value: Option<f64>| value.map_or("-".into(), |m| format!("{m:.2} m"));
+    let ratio = |value: Option<f64>| value.map_or("-".into(), |r| format!("{r:.2}"));
     println!(
         "{}: {} epochs, {} with a position",
         result.info.format, summary.epochs, summary.epochs_with_position
@@ -164,12 +172,14 @@ fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
         Some(source) => {
             let errors = &summary.errors;
             println!(
-                "errors against {source}: H95 {}, V95 {}, largest {} and {}; above a level in {} epochs",
+                "errors against {source}: H95 {}, V95 {}, largest {} and {}; above a level in {} epochs, largest error over HPL {}, over VPL {}",
                 metres(errors.h95_m),
                 metres(errors.v95_m),
-                metres(errors.max_h_m),
-                metres(errors.max_v_m),
-                errors.epochs_above_level
+                metres(errors.max_error_h_m),
+                metres(errors.max_error_v_m),
+                errors.epochs_with_error_above_level,
+                ratio(errors.largest_error_over_hpl),
+                ratio(errors.largest_error_over_vpl)
             );
         }
         None => println!("errors: no truth known; give --truth, --at or --at-llh"),
@@ -193,6 +203,9 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
+        Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("surefix: {error:#}");

@@ -147,29 +147,29 @@ pub struct Interval {
     pub epochs: usize,
 }
 
-/// Statistics of one axis of the position error.
+/// Statistics of the position error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorStatistics {
     /// Epochs with an error.
-    pub epochs: usize,
+    pub epochs_with_error: usize,
     /// 95 % of the horizontal errors are at most this, m.
     pub h95_m: Option<f64>,
     /// 95 % of the vertical errors are at most this, m.
     pub v95_m: Option<f64>,
     /// Largest horizontal error, m.
-    pub max_h_m: Option<f64>,
+    pub max_error_h_m: Option<f64>,
     /// Largest vertical error, m.
-    pub max_v_m: Option<f64>,
+    pub max_error_v_m: Option<f64>,
     /// Mean error east, north, up, m.
-    pub mean_enu_m: Option<[f64; 3]>,
+    pub mean_error_enu_m: Option<[f64; 3]>,
     /// Epochs whose horizontal or vertical error exceeds its level.
-    pub epochs_above_level: usize,
+    pub epochs_with_error_above_level: usize,
     /// Of these, epochs whose verdict said the position may be used.
-    pub epochs_above_level_and_usable: usize,
+    pub epochs_with_error_above_level_and_usable: usize,
     /// Largest horizontal error over its level.
-    pub largest_h_ratio: Option<f64>,
+    pub largest_error_over_hpl: Option<f64>,
     /// Largest vertical error over its level.
-    pub largest_v_ratio: Option<f64>,
+    pub largest_error_over_vpl: Option<f64>,
 }
 
 /// `summary.json`, without what belongs to the input.
@@ -182,6 +182,7 @@ pub struct Summary {
     /// Where the truth is from; `null` without one.
     pub truth: Option<String>,
     /// Errors against the truth.
+    #[serde(flatten)]
     pub errors: ErrorStatistics,
     /// Median horizontal level, m.
     pub median_hpl_m: Option<f64>,
@@ -233,22 +234,22 @@ fn error_statistics(reports: &[EpochReport], errors: &[Option<[f64; 3]>]) -> Err
         for (sum, value) in sum.iter_mut().zip([e, n, u]) {
             *sum += value;
         }
-        largest(&mut statistics.max_h_m, Some(h));
-        largest(&mut statistics.max_v_m, Some(v));
+        largest(&mut statistics.max_error_h_m, Some(h));
+        largest(&mut statistics.max_error_v_m, Some(v));
         let h_ratio = error_over_level(h, report.verdict.hpl);
         let v_ratio = error_over_level(v, report.verdict.vpl);
-        largest(&mut statistics.largest_h_ratio, h_ratio);
-        largest(&mut statistics.largest_v_ratio, v_ratio);
+        largest(&mut statistics.largest_error_over_hpl, h_ratio);
+        largest(&mut statistics.largest_error_over_vpl, v_ratio);
         if h_ratio.is_some_and(|r| r > 1.0) || v_ratio.is_some_and(|r| r > 1.0) {
-            statistics.epochs_above_level += 1;
+            statistics.epochs_with_error_above_level += 1;
             if report.verdict.integrity.is_usable() {
-                statistics.epochs_above_level_and_usable += 1;
+                statistics.epochs_with_error_above_level_and_usable += 1;
             }
         }
     }
-    statistics.epochs = horizontal.len();
+    statistics.epochs_with_error = horizontal.len();
     if !horizontal.is_empty() {
-        statistics.mean_enu_m = Some(sum.map(|total| total / horizontal.len() as f64));
+        statistics.mean_error_enu_m = Some(sum.map(|total| total / horizontal.len() as f64));
     }
     statistics.h95_m = quantile(&mut horizontal, 0.95);
     statistics.v95_m = quantile(&mut vertical, 0.95);

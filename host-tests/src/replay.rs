@@ -21,6 +21,7 @@ use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
 use crate::output::{self, Summary};
+use crate::qemu::QemuExecutor;
 use crate::source::{self, RecordingInfo};
 use crate::truth::Truth;
 
@@ -55,7 +56,7 @@ impl Executor for HostExecutor {
                     }
                 }
                 Some(Ready::EndOfStream) => break,
-                None if rest.is_empty() => break,
+                None if rest.is_empty() => bail!("the stream has no end frame"),
                 None => {}
             }
         }
@@ -233,7 +234,7 @@ pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Resul
     let mut reader = OutputReader::default();
     let mut executor: Box<dyn Executor> = match options.machine {
         Machine::Host => Box::new(HostExecutor),
-        Machine::Qemu => qemu_executor()?,
+        Machine::Qemu => Box::new(QemuExecutor::build()?),
     };
     executor.run(&stream.bytes, &mut |piece| {
         reader.push(piece);
@@ -365,8 +366,4 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         counters: result.counters.rows().collect(),
     };
     put("summary.json", serde_json::to_string_pretty(&file)? + "\n")
-}
-
-fn qemu_executor() -> Result<Box<dyn Executor>> {
-    bail!("the emulated board is not built into this command")
 }

@@ -12,7 +12,8 @@ use std::time::Duration;
 
 use crate::checks::checked;
 use crate::elf::Elf;
-use crate::process::{command, output, run_quietly};
+use crate::operations::Counter;
+use crate::process::{Trouble, command, output, run_quietly};
 use crate::workspace::Workspace;
 use crate::{Failure, Result, images, setup};
 
@@ -119,28 +120,59 @@ fn measure(workspace: &Workspace) -> Result<Vec<Row>> {
         rows.push(weigh(board.name, &images::build(workspace, board)?)?);
     }
     checked(images::build_command(workspace).args(["--bin", "bench"]))?;
-    let mut qemu = command(workspace, "qemu-system-arm");
-    qemu.args([
-        "-M",
-        setup::BOARD,
-        "-display",
-        "none",
-        "-monitor",
-        "none",
-        "-serial",
-        "null",
-    ])
-    .args(["-semihosting-config", "enable=on,target=native"])
-    .args(["-icount", "shift=6,sleep=off", "-kernel"])
-    .arg(images::built(workspace, "bench"));
-    let printed = run_quietly(workspace, &mut qemu, RUN_LIMIT).map_err(|trouble| {
-        Failure::new(
-            format!("the benchmark on the emulated board {trouble}"),
-            "read firmware/src/bin/bench.rs",
-        )
-    })?;
-    rows.splice(0..0, parse(&printed)?);
+    let image = images::built(workspace, "bench");
+    let mut measured = match Counter::prepare(workspace, &image) {
+        Ok(counter) => counted(workspace, &image, &counter)?,
+        Err(reason) => {
+            println!("f64 operations are not counted: {reason}");
+            parse(&emulate(workspace, &image, None).map_err(not_emulated)?)?
+        }
+    };
+    measured.append(&mut rows);
+    Ok(measured)
+}
+
+/// The rows with their f64 operations; without those where QEMU does not take the plugin.
+fn counted(workspace: &Workspace, image: &Path, counter: &Counter) -> Result<Vec<Row>> {
+    let printed = match emulate(workspace, image, Some(counter)) {
+        Ok(printed) => printed,
+        Err(trouble) => {
+            println!("f64 operations are not counted: QEMU with the plugin {trouble}");
+            emulate(workspace, image, None).map_err(not_emulated)?
+        }
+    };
+    let mut rows = parse(&printed)?;
+    if let Some(counts) = counter.per_row(rows.len()) {
+        for (row, count) in rows.iter_mut().zip(counts) {
+            row.f64_ops = Some(count);
+        }
+    }
     Ok(rows)
+}
+
+/// What the image prints on the emulated board.
+fn emulate(
+    workspace: &Workspace,
+    image: &Path,
+    counter: Option<&Counter>,
+) -> std::result::Result<String, Trouble> {
+    let mut qemu = command(workspace, "qemu-system-arm");
+    qemu.args(["-M", setup::BOARD, "-display", "none", "-monitor", "none"])
+        .args(["-serial", "null"])
+        .args(["-semihosting-config", "enable=on,target=native"])
+        .args(["-icount", "shift=6,sleep=off", "-kernel"])
+        .arg(image);
+    if let Some(counter) = counter {
+        counter.attach(&mut qemu);
+    }
+    run_quietly(workspace, &mut qemu, RUN_LIMIT)
+}
+
+fn not_emulated(trouble: Trouble) -> Failure {
+    Failure::new(
+        format!("the benchmark on the emulated board {trouble}"),
+        "read firmware/src/bin/bench.rs",
+    )
 }
 
 /// Static memory and flash of an application image.
@@ -215,7 +247,7 @@ fn table(rows: &[Row]) -> String {
     let mut text = String::new();
     let cell = |value: Option<u64>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
     let heads = [
-        "sats", "states", "filters", "median", "worst", "stack B", "RAM B", "flash B",
+        "sats", "states", "filters", "median", "worst", "f64 ops", "stack B", "RAM B", "flash B",
     ];
     let _ = write!(text, "{:<20}", "stage");
     for head in heads {
@@ -230,6 +262,7 @@ fn table(rows: &[Row]) -> String {
             row.filters,
             row.instr_median,
             row.instr_worst,
+            row.f64_ops,
             row.stack_b,
             row.ram_b,
             row.text_b,

@@ -117,8 +117,8 @@ impl<'a> Elf<'a> {
         &self.sections
     }
 
-    /// The names of all symbols.
-    pub fn symbols(&self) -> Vec<&'a str> {
+    /// The names and addresses of all symbols.
+    pub fn symbols(&self) -> Vec<(&'a str, u32)> {
         let tables = self
             .sections
             .iter()
@@ -129,14 +129,11 @@ impl<'a> Elf<'a> {
                     .sections
                     .get(table.link as usize)
                     .map_or(&[][..], |names| names.data);
-                table
-                    .data
-                    .as_chunks::<16>()
-                    .0
-                    .iter()
-                    .filter_map(|entry| text_at(names, u32_at(entry, 0)?))
+                table.data.as_chunks::<16>().0.iter().filter_map(|entry| {
+                    Some((text_at(names, u32_at(entry, 0)?)?, u32_at(entry, 4)?))
+                })
             })
-            .filter(|name| !name.is_empty())
+            .filter(|(name, _)| !name.is_empty())
             .collect()
     }
 
@@ -316,9 +313,10 @@ mod tests {
 
     #[test]
     fn sections_and_symbols_are_read() {
-        let symbol = |name: u32| {
+        let symbol = |name: u32, address: u32| {
             let mut entry = vec![0; 16];
             entry[..4].copy_from_slice(&name.to_le_bytes());
+            entry[4..8].copy_from_slice(&address.to_le_bytes());
             entry
         };
         let file = image(&[
@@ -339,7 +337,7 @@ mod tests {
                 0,
                 0,
                 3,
-                [symbol(0), symbol(1), symbol(6)].concat(),
+                [symbol(0, 0), symbol(1, 0x101), symbol(6, 0x200)].concat(),
             ),
             (".ARM.attributes", 0x7000_0003, 0, 0, 0, bytes(CORTEX_M7)),
         ]);
@@ -351,7 +349,10 @@ mod tests {
             .map(|section| (section.name, section.size_bytes))
             .collect();
         assert_eq!(loaded, [(".text", 10), (".bss", 4096)]);
-        assert_eq!(elf.symbols(), ["main", "core::panicking::panic"]);
+        assert_eq!(
+            elf.symbols(),
+            [("main", 0x101), ("core::panicking::panic", 0x200)]
+        );
         assert!(elf.float_attributes().unwrap().has_hardware_f64());
     }
 

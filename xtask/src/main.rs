@@ -5,7 +5,7 @@
 //! | [`setup`] | brings a machine to the point where the rest runs: target, components, QEMU |
 //! | [`checks`], [`stages`] | every check and test, timed, with one summary |
 //! | [`demo`] | an approach with a fault through the emulated board |
-//! | [`bench`] | instructions and bytes per stage on the emulated board, and their bars |
+//! | [`mod@bench`], [`operations`] | instructions and bytes per stage on the emulated board, and their bars |
 //! | [`rules`], [`documentation`] | rules of the workspace that no compiler checks |
 //! | [`images`], [`elf`], [`sizes`] | the firmware images and what is in them |
 //! | [`process`] | nested commands: environment, time limits, captured output |
@@ -19,6 +19,7 @@ mod demo;
 mod documentation;
 mod elf;
 mod images;
+mod operations;
 mod process;
 mod rules;
 mod setup;

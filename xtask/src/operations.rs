@@ -1,0 +1,106 @@
+//! Counts f64 operations on the emulated board, with a QEMU plugin that is compiled when used.
+//!
+//! The instruction clock counts instructions and not their kind. A C compiler is needed and not
+//! everywhere there; without one, or with a QEMU that does not take the plugin, nothing is counted.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use crate::process::{command, run_quietly};
+use crate::workspace::Workspace;
+use crate::{images, setup};
+
+const SOURCE: &str = include_str!("../plugin/count.c");
+
+/// The functions that the benchmark calls before and after each measured piece of work.
+const MARKERS: [&str; 2] = ["bench_begin", "bench_end"];
+
+/// A plugin ready for one run of QEMU.
+pub struct Counter {
+    argument: String,
+    counts: PathBuf,
+}
+
+impl Counter {
+    /// Compiles the plugin for an image, or says why there is none.
+    pub fn prepare(workspace: &Workspace, image: &Path) -> Result<Self, String> {
+        let compiler = setup::c_compiler(workspace).ok_or("there is no C compiler")?;
+        let bytes = images::read(image).map_err(|failure| failure.what)?;
+        let elf = images::parse(image, &bytes).map_err(|failure| failure.what)?;
+        let symbols = elf.symbols();
+        let address = |wanted: &str| {
+            symbols
+                .iter()
+                .find(|(name, _)| *name == wanted)
+                .map(|(_, address)| *address)
+        };
+        let [Some(begin), Some(end)] = MARKERS.map(address) else {
+            return Err(format!(
+                "the image has no {} and {}",
+                MARKERS[0], MARKERS[1]
+            ));
+        };
+        let (source, plugin) = (
+            workspace.scratch().join("count.c"),
+            workspace.scratch().join("count.so"),
+        );
+        let counts = workspace.scratch().join("f64-operations.txt");
+        fs::create_dir_all(workspace.scratch())
+            .and_then(|()| fs::write(&source, SOURCE))
+            .map_err(|error| format!("cannot write {}: {error}", source.display()))?;
+        let mut call = command(workspace, compiler);
+        call.args(["-O2", "-shared", "-fPIC", "-o"])
+            .arg(&plugin)
+            .arg(&source);
+        if cfg!(target_os = "macos") {
+            call.args(["-undefined", "dynamic_lookup"]); // QEMU itself brings the symbols
+        }
+        run_quietly(workspace, &mut call, Duration::from_secs(60))
+            .map_err(|trouble| format!("{compiler} {trouble}"))?;
+        let argument = format!(
+            "{},begin={begin:#x},end={end:#x},out={}",
+            plugin.display(),
+            counts.display()
+        );
+        Ok(Self { argument, counts })
+    }
+
+    /// Adds the plugin to a run of QEMU.
+    pub fn attach(&self, qemu: &mut Command) {
+        qemu.args(["-plugin", &self.argument]);
+    }
+
+    /// The largest count of each row, when every row was measured equally often.
+    pub fn per_row(&self, rows: usize) -> Option<Vec<u64>> {
+        per_row(&fs::read_to_string(&self.counts).ok()?, rows)
+    }
+}
+
+fn per_row(text: &str, rows: usize) -> Option<Vec<u64>> {
+    let passes: Vec<u64> = text
+        .lines()
+        .map(|line| line.parse().ok())
+        .collect::<Option<_>>()?;
+    if rows == 0 || passes.is_empty() || !passes.len().is_multiple_of(rows) {
+        return None;
+    }
+    passes
+        .chunks(passes.len() / rows)
+        .map(|passes| passes.iter().max().copied())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_are_shared_out_evenly_or_not_at_all() {
+        assert_eq!(per_row("1\n2\n5\n4\n", 2), Some(vec![2, 5]));
+        assert_eq!(per_row("1\n2\n5\n", 2), None);
+        assert_eq!(per_row("", 2), None);
+        assert_eq!(per_row("x\n", 1), None);
+    }
+}
