@@ -174,6 +174,12 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
     bar.finish_and_clear();
     replay::write(&options, &result, &arguments.out)?;
     print_summary(&result, arguments);
+    if result.reports.is_empty() {
+        eprintln!(
+            "surefix: {} holds no observation epoch surefix can use; summary.json counts what it holds. Record MSM4 to MSM7 messages of GPS, Galileo or BDS, or give RINEX observations",
+            arguments.gnss.display()
+        );
+    }
     Ok(if result.lost_epochs() {
         ExitCode::from(1)
     } else {

@@ -209,9 +209,9 @@ const COSTLY: [&str; 16] = [
 ];
 
 impl ReplayResult {
-    /// Whether input was lost that cost an epoch or a part of one.
+    /// Whether input was lost that cost an epoch or a part of one, or there was no epoch at all.
     pub fn lost_epochs(&self) -> bool {
-        COSTLY.iter().any(|name| self.losses.contains_key(*name))
+        self.reports.is_empty() || COSTLY.iter().any(|name| self.losses.contains_key(*name))
     }
 }
 
@@ -247,7 +247,13 @@ pub fn run(
 
     let mut losses = info.losses.clone();
     let counters = reader.counters.unwrap_or(Counters::ZERO);
-    for (cause, count) in source::losses(&counters) {
+    let of_monitor = if stream.is_padded {
+        // The file was decoded without the padding.
+        BTreeMap::new()
+    } else {
+        source::losses(&counters)
+    };
+    for (cause, count) in of_monitor {
         let slot = losses.entry(cause).or_default();
         *slot = count.max(*slot);
     }
