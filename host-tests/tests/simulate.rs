@@ -1,5 +1,7 @@
 //! The simulator's bytes are genuine RTCM 3, say what was simulated, and repeat with their seed.
 
+use std::collections::BTreeSet;
+
 use rtcm_rs::Message;
 use rtcm_rs::prelude::MsgFrameIter;
 use surefix_core::budget::NoCounter;
@@ -271,6 +273,33 @@ fn a_noise_free_fix_is_within_a_centimetre() {
             assert!(worst_m < 0.01, "{worst_m} m");
             assert!(worst_mps < 0.01, "{worst_mps} m/s");
         }
+    }
+}
+
+/// Over three hours every satellite changes its ephemeris twice; receiver and simulator change it at
+/// the same epoch, also BDS, whose toe lies 14 s later.
+#[test]
+fn a_change_of_ephemeris_does_not_move_a_noise_free_fix() {
+    let args = Args {
+        noise_free: true,
+        rate_hz: 0.05,
+        duration: Some(10_800.0),
+        ..args(Flight::Static, 4)
+    };
+    let reports = reports(&simulate(&args).unwrap().rtcm3, &config_for(&args));
+    let truth: Vec<_> = epochs(&args).unwrap().collect();
+    let issues: BTreeSet<_> = truth
+        .iter()
+        .flat_map(|epoch| &epoch.ephemerides)
+        .map(|ephemeris| ephemeris.toe)
+        .collect();
+    // Three reference times, each of BDS 14 s after those of the others.
+    assert_eq!(issues.len(), 6);
+    assert_eq!(reports.len(), truth.len());
+    for (report, truth) in reports.iter().zip(&truth) {
+        let fix = report.fix.expect("a full sky gives a position");
+        let error = nalgebra::Vector3::from(fix.r_e_m) - truth.antenna.position_e_m;
+        assert!(error.norm() < 0.01, "{} at {:?}", error.norm(), report.time);
     }
 }
 
