@@ -17,7 +17,7 @@ use crate::process::{Trouble, command, output, run_quietly};
 use crate::workspace::Workspace;
 use crate::{Failure, Result, images, setup};
 
-const RUN_LIMIT: Duration = Duration::from_secs(600);
+const RUN_LIMIT: Duration = Duration::from_secs(240);
 
 /// Least-squares residual test as P1 computes it, and the parity test with its levels.
 const LEAST_SQUARES: &str = "raim/ls";
