@@ -7,8 +7,17 @@
 //! ```
 //!
 //! Why it tests, excludes and bounds as it does: docs/decisions/002-snapshot-monitor.md.
-//! Levels: the larger of the slope-based level [BROWN-1992] and the fault-free level K σ with
-//! K = Q⁻¹(p/2); the fault-free sigma holds the ionosphere that is common to all satellites.
+//!
+//! | symbol | code | unit | meaning |
+//! |--------|------|------|---------|
+//! | slope √λ | `slope.hpl_m`, `slope.vpl_m` | m | shift by the largest fault the test misses with P_MD [BROWN-1992] |
+//! | σ      | `sigma_horizontal_m`, `sigma_vertical_m` | m | fault-free error, the ionosphere common to all satellites included |
+//! | K_md   | `k_missed_horizontal`, `k_missed_vertical` | 1 | √(−2 ln P_MD) (circle), Q⁻¹(P_MD/2) |
+//! | K_ff   | `k_fault_free` | 1 | Q⁻¹(p/2), p the fault-free risk of the phase |
+//!
+//! Level = max(slope √λ + K_md σ, K_ff σ). The slope alone, as [BROWN-1992] has it, leaves out the noise on
+//! top of the fault; with K_md σ the probability of a missed fault *and* an error above the level is at
+//! most P_MD for every size of the fault: derivation in docs/decisions/002-snapshot-monitor.md.
 
 use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
 use crate::config::{Config, ConfigError};
@@ -78,8 +87,9 @@ enum Test {
 pub struct SnapshotMonitor {
     config: Option<Config>,
     thresholds: RaimTable,
-    /// Q⁻¹ of half the fault-free risk.
     k_fault_free: f64,
+    k_missed_horizontal: f64,
+    k_missed_vertical: f64,
     workspace: SnapshotWorkspace,
     qr: WhitenedQr,
     sensitivity: Sensitivity,
@@ -95,6 +105,8 @@ impl SnapshotMonitor {
         config: None,
         thresholds: RaimTable::EMPTY,
         k_fault_free: 0.0,
+        k_missed_horizontal: 0.0,
+        k_missed_vertical: 0.0,
         workspace: SnapshotWorkspace::EMPTY,
         qr: WhitenedQr::EMPTY,
         sensitivity: Sensitivity::EMPTY,
@@ -118,6 +130,9 @@ impl SnapshotMonitor {
             .map_err(ConfigureError::Stats)?;
         self.k_fault_free = normal::upper_quantile(0.5 * requirements.p_fault_free)
             .map_err(ConfigureError::Stats)?;
+        self.k_missed_vertical =
+            normal::upper_quantile(0.5 * requirements.p_md).map_err(ConfigureError::Stats)?;
+        self.k_missed_horizontal = libm::sqrt(-2.0 * libm::log(requirements.p_md));
         self.config = Some(*config);
         Ok(())
     }
@@ -315,11 +330,17 @@ impl SnapshotMonitor {
             &self.independent_sigma_m,
             &self.common_errors_m,
         );
-        let horizontal_m = self.k_fault_free * semi_major_axis_m(&covariance);
-        let vertical_m = self.k_fault_free * libm::sqrt(covariance.m33);
+        let sigma_horizontal_m = semi_major_axis_m(&covariance);
+        let sigma_vertical_m = libm::sqrt(covariance.m33);
         Ok((
-            larger(slope.hpl_m, horizontal_m),
-            larger(slope.vpl_m, vertical_m),
+            larger(
+                slope.hpl_m + self.k_missed_horizontal * sigma_horizontal_m,
+                self.k_fault_free * sigma_horizontal_m,
+            ),
+            larger(
+                slope.vpl_m + self.k_missed_vertical * sigma_vertical_m,
+                self.k_fault_free * sigma_vertical_m,
+            ),
         ))
     }
 }

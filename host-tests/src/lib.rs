@@ -1,11 +1,10 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
-pub mod faults;
 pub mod campaign;
+pub mod faults;
 pub mod output;
 pub mod qemu;
 pub mod replay;
-pub mod qemu;
 pub mod report;
 pub mod rinex;
 pub mod rtcm_encode;

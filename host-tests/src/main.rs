@@ -13,6 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
+use surefix_host_tests::{campaign, output, report, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -29,6 +30,12 @@ struct Arguments {
 enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
+    /// Simulate a flight: the bytes a receiver would send, and the truth
+    Simulate(simulate::Args),
+    /// Many trials of one question, counted
+    Campaign(Box<campaign::Args>),
+    /// One self-contained HTML page of a replay
+    Report(report::Args),
 }
 
 #[derive(clap::Args)]
@@ -68,9 +75,22 @@ struct ReplayArguments {
     /// Where the monitor runs
     #[arg(long, value_enum, default_value = "host")]
     on: Machine,
-    /// Directory to write epochs.csv, errors.csv and summary.json to
+    /// Which verdicts to print as they come
+    #[arg(long, value_enum, default_value = "changes")]
+    print: Print,
+    /// Directory to write epochs.csv, errors.csv, summary.json and report.html to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum Print {
+    /// None
+    Nothing,
+    /// The first, and each that differs from the one before
+    Changes,
+    /// Each
+    Epochs,
 }
 
 fn triple(name: &str, text: &str) -> Result<[f64; 3]> {
@@ -128,13 +148,38 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
         ProgressStyle::with_template("{bar:40} {pos}/{len} epochs, {eta} left")
             .context("progress bar")?,
     );
-    let result = replay::run(&options, &mut |done, all| {
+    let mut printed = 0;
+    let mut last = None;
+    let result = replay::run(&options, &mut |reports, all| {
         bar.set_length(all);
-        bar.set_position(done);
+        bar.set_position(reports.len() as u64);
+        for report in reports.get(printed..).unwrap_or_default() {
+            let state = (
+                report.verdict.integrity,
+                report.verdict.reason,
+                report.verdict.excluded,
+            );
+            let wanted = match arguments.print {
+                Print::Nothing => false,
+                Print::Changes => last != Some(state),
+                Print::Epochs => true,
+            };
+            last = Some(state);
+            if wanted {
+                bar.suspend(|| println!("{}", output::epoch_line(report)));
+            }
+        }
+        printed = reports.len();
     })?;
     bar.finish_and_clear();
     replay::write(&options, &result, &arguments.out)?;
     print_summary(&result, arguments);
+    if result.reports.is_empty() {
+        eprintln!(
+            "surefix: {} holds no observation epoch surefix can use; summary.json counts what it holds. Record MSM4 to MSM7 messages of GPS, Galileo or BDS, or give RINEX observations",
+            arguments.gnss.display()
+        );
+    }
     Ok(if result.lost_epochs() {
         ExitCode::from(1)
     } else {
@@ -145,6 +190,7 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
 fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
     let summary = &result.summary;
     let metres = |value: Option<f64>| value.map_or("-".into(), |m| format!("{m:.2} m"));
+    let ratio = |value: Option<f64>| value.map_or("-".into(), |r| format!("{r:.2}"));
     println!(
         "{}: {} epochs, {} with a position",
         result.info.format, summary.epochs, summary.epochs_with_position
@@ -164,12 +210,14 @@ fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
         Some(source) => {
             let errors = &summary.errors;
             println!(
-                "errors against {source}: H95 {}, V95 {}, largest {} and {}; above a level in {} epochs",
+                "errors against {source}: H95 {}, V95 {}, largest {} and {}; above a level in {} epochs, largest error over HPL {}, over VPL {}",
                 metres(errors.h95_m),
                 metres(errors.v95_m),
-                metres(errors.max_h_m),
-                metres(errors.max_v_m),
-                errors.epochs_above_level
+                metres(errors.max_error_h_m),
+                metres(errors.max_error_v_m),
+                errors.epochs_with_error_above_level,
+                ratio(errors.largest_error_over_hpl),
+                ratio(errors.largest_error_over_vpl)
             );
         }
         None => println!("errors: no truth known; give --truth, --at or --at-llh"),
@@ -186,13 +234,16 @@ fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
     for (cause, count) in &result.losses {
         println!("input: {cause} {count}");
     }
-    println!("written: {}", arguments.out.display());
+    println!("report: {}", arguments.out.join("report.html").display());
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
+        Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
     outcome.unwrap_or_else(|error| {
         eprintln!("surefix: {error:#}");

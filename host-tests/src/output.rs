@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::Serialize;
+use surefix_core::gnss::measurement::SatelliteReason;
 use surefix_core::gnss::{SatelliteSet, System};
 use surefix_core::integrity::{Integrity, Phase, ProtectionLevel, Reason};
 use surefix_core::report::{EpochReport, ReportFlags};
@@ -18,7 +19,7 @@ use crate::truth::Truth;
 /// Columns of `epochs.csv`: those of the contract, then more.
 pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\
 n_sats,mode,integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold,\
-n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags";
+n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags,unused";
 
 /// Seconds since the first epoch.
 pub fn t_s(report: &EpochReport) -> f64 {
@@ -46,6 +47,21 @@ fn flags(flags: ReportFlags) -> String {
         "-".into()
     } else {
         names.join("+")
+    }
+}
+
+/// Satellites observed and not used, by reason: `below_mask:3+unhealthy:1`.
+fn unused(counts: &[u8]) -> String {
+    let reasons: Vec<String> = SatelliteReason::ALL
+        .iter()
+        .zip(counts)
+        .filter(|(_, count)| **count > 0)
+        .map(|(reason, count)| format!("{}:{count}", reason.name()))
+        .collect();
+    if reasons.is_empty() {
+        "-".into()
+    } else {
+        reasons.join("+")
     }
 }
 
@@ -95,7 +111,33 @@ pub fn epoch_row(report: &EpochReport) -> String {
         let clock = fix.and_then(|fix| fix.clock_m[system.index()]);
         field(&mut line, clock);
     }
-    let _ = write!(line, ",{}", flags(report.flags));
+    let _ = write!(line, ",{},{}", flags(report.flags), unused(&report.unused));
+    line
+}
+
+/// One epoch as a line to read while it happens.
+pub fn epoch_line(report: &EpochReport) -> String {
+    let verdict = &report.verdict;
+    let level = |level: ProtectionLevel| {
+        level
+            .bound_m()
+            .map_or("      -".into(), |bound_m| format!("{bound_m:5.1} m"))
+    };
+    let mut line = format!(
+        "t {:8.1} s  {:11}  HPL {}  VPL {}  {:2} satellites",
+        t_s(report),
+        verdict.integrity.name(),
+        level(verdict.hpl),
+        level(verdict.vpl),
+        report.used.len(),
+    );
+    if !verdict.excluded.is_empty() {
+        let names: Vec<String> = verdict.excluded.iter().map(|s| s.to_string()).collect();
+        line += &format!("  without {}", names.join("+"));
+    }
+    if verdict.reason != Reason::None {
+        line += &format!("  {}", verdict.reason.name());
+    }
     line
 }
 
@@ -147,29 +189,29 @@ pub struct Interval {
     pub epochs: usize,
 }
 
-/// Statistics of one axis of the position error.
+/// Statistics of the position error.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorStatistics {
     /// Epochs with an error.
-    pub epochs: usize,
+    pub epochs_with_error: usize,
     /// 95 % of the horizontal errors are at most this, m.
     pub h95_m: Option<f64>,
     /// 95 % of the vertical errors are at most this, m.
     pub v95_m: Option<f64>,
     /// Largest horizontal error, m.
-    pub max_h_m: Option<f64>,
+    pub max_error_h_m: Option<f64>,
     /// Largest vertical error, m.
-    pub max_v_m: Option<f64>,
+    pub max_error_v_m: Option<f64>,
     /// Mean error east, north, up, m.
-    pub mean_enu_m: Option<[f64; 3]>,
+    pub mean_error_enu_m: Option<[f64; 3]>,
     /// Epochs whose horizontal or vertical error exceeds its level.
-    pub epochs_above_level: usize,
+    pub epochs_with_error_above_level: usize,
     /// Of these, epochs whose verdict said the position may be used.
-    pub epochs_above_level_and_usable: usize,
+    pub epochs_with_error_above_level_and_usable: usize,
     /// Largest horizontal error over its level.
-    pub largest_h_ratio: Option<f64>,
+    pub largest_error_over_hpl: Option<f64>,
     /// Largest vertical error over its level.
-    pub largest_v_ratio: Option<f64>,
+    pub largest_error_over_vpl: Option<f64>,
 }
 
 /// `summary.json`, without what belongs to the input.
@@ -182,6 +224,7 @@ pub struct Summary {
     /// Where the truth is from; `null` without one.
     pub truth: Option<String>,
     /// Errors against the truth.
+    #[serde(flatten)]
     pub errors: ErrorStatistics,
     /// Median horizontal level, m.
     pub median_hpl_m: Option<f64>,
@@ -202,6 +245,8 @@ pub struct Summary {
     pub availability: BTreeMap<&'static str, f64>,
     /// Epochs by flag.
     pub flags: BTreeMap<&'static str, usize>,
+    /// Satellites observed and not used, summed over the epochs, by reason.
+    pub unused: BTreeMap<&'static str, usize>,
 }
 
 /// The value that `share` of the values do not exceed, nearest rank.
@@ -233,22 +278,22 @@ fn error_statistics(reports: &[EpochReport], errors: &[Option<[f64; 3]>]) -> Err
         for (sum, value) in sum.iter_mut().zip([e, n, u]) {
             *sum += value;
         }
-        largest(&mut statistics.max_h_m, Some(h));
-        largest(&mut statistics.max_v_m, Some(v));
+        largest(&mut statistics.max_error_h_m, Some(h));
+        largest(&mut statistics.max_error_v_m, Some(v));
         let h_ratio = error_over_level(h, report.verdict.hpl);
         let v_ratio = error_over_level(v, report.verdict.vpl);
-        largest(&mut statistics.largest_h_ratio, h_ratio);
-        largest(&mut statistics.largest_v_ratio, v_ratio);
+        largest(&mut statistics.largest_error_over_hpl, h_ratio);
+        largest(&mut statistics.largest_error_over_vpl, v_ratio);
         if h_ratio.is_some_and(|r| r > 1.0) || v_ratio.is_some_and(|r| r > 1.0) {
-            statistics.epochs_above_level += 1;
+            statistics.epochs_with_error_above_level += 1;
             if report.verdict.integrity.is_usable() {
-                statistics.epochs_above_level_and_usable += 1;
+                statistics.epochs_with_error_above_level_and_usable += 1;
             }
         }
     }
-    statistics.epochs = horizontal.len();
+    statistics.epochs_with_error = horizontal.len();
     if !horizontal.is_empty() {
-        statistics.mean_enu_m = Some(sum.map(|total| total / horizontal.len() as f64));
+        statistics.mean_error_enu_m = Some(sum.map(|total| total / horizontal.len() as f64));
     }
     statistics.h95_m = quantile(&mut horizontal, 0.95);
     statistics.v95_m = quantile(&mut vertical, 0.95);
@@ -304,8 +349,14 @@ pub fn summarize(
     let mut integrity: BTreeMap<_, usize> = BTreeMap::new();
     let mut reasons: BTreeMap<_, usize> = BTreeMap::new();
     let mut flags: BTreeMap<_, usize> = BTreeMap::new();
+    let mut unused: BTreeMap<_, usize> = BTreeMap::new();
     let mut excluded = SatelliteSet::EMPTY;
     for report in reports {
+        for (reason, count) in SatelliteReason::ALL.iter().zip(report.unused) {
+            if count > 0 {
+                *unused.entry(reason.name()).or_default() += usize::from(count);
+            }
+        }
         *integrity
             .entry(report.verdict.integrity.name())
             .or_default() += 1;
@@ -356,6 +407,7 @@ pub fn summarize(
             })
             .collect(),
         flags,
+        unused,
     }
 }
 

@@ -13,12 +13,13 @@ pub mod image;
 mod log;
 mod machine;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use surefix_core::wire::native::{Frame, FrameError, Kind};
 
+use crate::replay::Executor;
 use log::Log;
 use machine::{Acknowledged, Machine, Port};
 
@@ -194,6 +195,30 @@ pub fn run(
                 });
             }
         }
+    }
+}
+
+/// The monitor on the emulated board.
+#[derive(Clone, Debug)]
+pub struct QemuExecutor {
+    elf: PathBuf,
+}
+
+impl QemuExecutor {
+    /// Builds the firmware if it is missing or older than its sources.
+    ///
+    /// # Errors
+    /// [`image::ImageError`].
+    pub fn build() -> Result<Self, image::ImageError> {
+        let elf = image::build("surefix", &[])?;
+        Ok(Self { elf })
+    }
+}
+
+impl Executor for QemuExecutor {
+    fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> anyhow::Result<()> {
+        run(&self.elf, stream, Options::default(), output)?;
+        Ok(())
     }
 }
 

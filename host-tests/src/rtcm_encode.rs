@@ -6,8 +6,6 @@
 //!
 //! Message and field numbers: [RTCM-10403.3]. Angles on the wire are semicircles.
 
-use core::f64::consts::PI;
-
 use anyhow::{Context, Result, bail};
 use rtcm_rs::Message;
 use rtcm_rs::msg::{self, BdsSigId, GalSigId, GpsSigId};
@@ -23,12 +21,18 @@ use surefix_core::time::{
     resolve_week,
 };
 
+/// π of the broadcast messages: what turns semicircles into radians. [IS-GPS-200] 20.3.3.4.3.
+#[expect(
+    clippy::approx_constant,
+    reason = "the documents give these digits, and ephemerides are fitted with them"
+)]
+const PI: f64 = 3.141_592_653_589_8;
 /// Metres in a light-millisecond, the unit of MSM ranges.
 const LIGHT_MS_M: f64 = SPEED_OF_LIGHT_MPS / 1000.0;
 /// Station identification in every message.
 const STATION_ID: u16 = 1;
-/// Resolution of the BDS group delays, s. [RTCM-10403.3] DF513.
-const BDS_GROUP_DELAY_STEP_S: f64 = 1e-10;
+/// Steps of the BDS group delays in a second. [RTCM-10403.3] DF513: 0.1 ns.
+const BDS_GROUP_DELAY_STEPS: f64 = 1e10;
 /// SISA index sent for Galileo: 3.12 m. [GAL-OS-SIS-ICD] table 76.
 const GALILEO_SISA_INDEX: u8 = 107;
 /// One sigma that index stands for, m.
@@ -197,7 +201,7 @@ pub fn ephemeris_of(message: &Message, reference_week: i32) -> Option<Ephemeris>
     let rad = |semicircles: f64| semicircles * PI;
     let f = f64::from;
     let bds_delay =
-        |delay_s: f32| libm::round(f(delay_s) / BDS_GROUP_DELAY_STEP_S) * BDS_GROUP_DELAY_STEP_S;
+        |delay_s: f32| libm::round(f(delay_s) * BDS_GROUP_DELAY_STEPS) / BDS_GROUP_DELAY_STEPS;
     Some(match message {
         Message::Msg1019(m) => {
             let week = resolve_week(i32::from(m.gps_week_number), 1024, reference_week);

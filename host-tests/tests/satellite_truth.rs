@@ -1,8 +1,7 @@
 //! Satellite positions, clocks and predicted pseudoranges against two signal simulators.
 //!
 //! Neither simulator is ours: what they wrote is evidence. Reads `../shared/data` and skips, saying
-//! so, where it is absent. The two readers below are for these four files only, on purpose: the
-//! product's reader has its own tests.
+//! so, where it is absent.
 
 use std::collections::HashMap;
 use std::fs;
@@ -14,10 +13,12 @@ use surefix_core::gnss::measurement::{measure, predicted_pseudorange_m, predicte
 use surefix_core::gnss::orbit::position_velocity;
 use surefix_core::gnss::signal::FREQUENCY_L1_HZ;
 use surefix_core::gnss::{
-    Ephemeris, EphemerisStore, KlobucharParameters, NavMessage, ObservationEpoch, Satellite,
-    Signal, SignalObservation, System,
+    Ephemeris, EphemerisStore, KlobucharParameters, ObservationEpoch, Satellite, System,
 };
 use surefix_core::time::{GpsTime, NS_PER_S};
+use surefix_host_tests::rinex::{
+    Content, NavigationFile, ObservationReader, read_unzipped, text_of,
+};
 
 /// The folder of a recording, or `None` with a note where it is absent.
 fn recording(name: &str) -> Option<PathBuf> {
@@ -31,163 +32,27 @@ fn recording(name: &str) -> Option<PathBuf> {
     None
 }
 
-/// GPS week and second of a calendar date, 2006 to 2099.
-fn calendar(fields: &[i64]) -> (i32, i64) {
-    let [year, month, day, hour, minute, second] = fields[..6].try_into().unwrap();
-    // Days from civil date, by the usual shift of the year to March.
-    let y = if month <= 2 { year - 1 } else { year };
-    let month_from_march = (month + 9) % 12;
-    let days = 365 * y + y / 4 - y / 100 + y / 400 + (153 * month_from_march + 2) / 5 + day - 1;
-    let since_1980 =
-        days - (365 * 1979 + 1979 / 4 - 1979 / 100 + 1979 / 400 + (153 * 10 + 2) / 5 + 5);
-    let seconds = since_1980 * 86_400 + hour * 3600 + minute * 60 + second;
-    ((seconds / 604_800) as i32, seconds % 604_800)
-}
-
-/// Broadcast records of a RINEX 3 navigation file of one system.
+/// Broadcast records of a navigation file.
 fn read_navigation(path: &Path) -> Vec<Ephemeris> {
-    let text = fs::read_to_string(path).unwrap();
-    let mut lines = text
-        .lines()
-        .skip_while(|line| !line.contains("END OF HEADER"));
-    lines.next();
-    let mut ephemerides = Vec::new();
-    while let Some(first) = lines.next() {
-        let system = System::from_letter(first.chars().next().unwrap()).unwrap();
-        let satellite = Satellite::new(system, first[1..3].trim().parse().unwrap()).unwrap();
-        let date: Vec<i64> = first[4..23]
-            .split_whitespace()
-            .map(|field| field.parse().unwrap())
-            .collect();
-        let mut v = Vec::new();
-        for (index, line) in std::iter::once(first)
-            .chain(lines.by_ref().take(7))
-            .enumerate()
-        {
-            for column in usize::from(index == 0)..4 {
-                let at = 4 + 19 * column;
-                let field = line.get(at..line.len().min(at + 19)).unwrap_or("").trim();
-                v.push(field.replace('D', "E").parse().unwrap_or(0.0));
-            }
-        }
-        let (toc_week, toc_s) = calendar(&date);
-        let week = v[21] as i32;
-        let toe_s = v[11] as i64;
-        let (toe, toc) = match system {
-            System::Bds => (
-                GpsTime::from_bdt(week, toe_s),
-                GpsTime::from_week_tow_s(toc_week, toc_s + 14),
-            ),
-            _ => (
-                GpsTime::from_week_tow_s(week, toe_s),
-                GpsTime::from_week_tow_s(toc_week, toc_s),
-            ),
-        };
-        let message = match system {
-            System::Gps => NavMessage::GpsLnav,
-            System::Bds => NavMessage::BdsD1D2,
-            // Bit 8 of the data sources: the clock is that of E1 and E5a.
-            System::Galileo if v[20] as u32 & 1 << 8 != 0 => NavMessage::GalileoFnav,
-            System::Galileo => NavMessage::GalileoInav,
-        };
-        ephemerides.push(Ephemeris {
-            satellite,
-            message,
-            toe,
-            toc,
-            toe_sow_s: v[11],
-            issue: v[3] as u16,
-            sqrt_a: v[10],
-            eccentricity: v[8],
-            i0_rad: v[15],
-            idot_radps: v[19],
-            omega0_rad: v[13],
-            omega_dot_radps: v[18],
-            argument_of_perigee_rad: v[17],
-            m0_rad: v[6],
-            delta_n_radps: v[5],
-            cuc_rad: v[7],
-            cus_rad: v[9],
-            crc_m: v[16],
-            crs_m: v[4],
-            cic_rad: v[12],
-            cis_rad: v[14],
-            af0_s: v[0],
-            af1_sps: v[1],
-            af2_sps2: v[2],
-            group_delay_s: match system {
-                System::Gps => [v[25], 0.0],
-                _ => [v[25], v[26]],
-            },
-            sigma_ura_m: Some(v[23]),
-            health: v[24] as u16,
-        });
-    }
-    ephemerides
+    let (text, content) = text_of(read_unzipped(path).unwrap()).unwrap();
+    assert_eq!(content, Content::Navigation);
+    let file = NavigationFile::parse(&text).unwrap();
+    assert_eq!(file.bad_records, 0);
+    file.ephemerides
+        .iter()
+        .map(|timed| timed.ephemeris)
+        .collect()
 }
 
-/// Epochs of a RINEX 3 observation file, GPS, Galileo and BDS.
+/// Epochs of an observation file.
 fn read_observations(path: &Path) -> Vec<ObservationEpoch> {
-    let text = fs::read_to_string(path).unwrap();
-    let mut types: HashMap<char, Vec<String>> = HashMap::new();
-    let mut current = ' ';
-    let mut epochs: Vec<ObservationEpoch> = Vec::new();
-    for line in text.lines() {
-        if line.ends_with("SYS / # / OBS TYPES") || line.contains("SYS / # / OBS TYPES") {
-            if !line.starts_with(' ') {
-                current = line.chars().next().unwrap();
-            }
-            let names = line[7..60].split_whitespace().map(String::from);
-            types.entry(current).or_default().extend(names);
-        } else if let Some(date) = line.strip_prefix('>') {
-            let fields: Vec<f64> = date
-                .split_whitespace()
-                .take(6)
-                .map(|field| field.parse().unwrap())
-                .collect();
-            let whole: Vec<i64> = fields.iter().map(|field| *field as i64).collect();
-            let (week, tow_s) = calendar(&whole);
-            let part_ns = ((fields[5] - fields[5].floor()) * 1e9).round() as i64;
-            let mut epoch = ObservationEpoch::EMPTY;
-            epoch.restart(GpsTime::from_week_tow_ns(week, tow_s * NS_PER_S + part_ns));
-            epochs.push(epoch);
-        } else if let Some(epoch) = epochs.last_mut() {
-            let letter = line.chars().next().unwrap();
-            let Some(system) = System::from_letter(letter) else {
-                continue;
-            };
-            let satellite = Satellite::new(system, line[1..3].trim().parse().unwrap()).unwrap();
-            let mut signals: Vec<SignalObservation> = Vec::new();
-            for (index, name) in types[&letter].iter().enumerate() {
-                let at = 3 + 16 * index;
-                let field = line.get(at..line.len().min(at + 14)).unwrap_or("").trim();
-                let Ok(value) = field.parse::<f64>() else {
-                    continue;
-                };
-                let name = name.as_bytes();
-                let signal = Signal::new(name[1], name[2]).unwrap();
-                let place = match signals.iter().position(|known| known.signal == signal) {
-                    Some(place) => place,
-                    None => {
-                        signals.push(SignalObservation::new(signal));
-                        signals.len() - 1
-                    }
-                };
-                match name[0] {
-                    b'C' => signals[place].pseudorange_m = Some(value),
-                    b'D' => {
-                        let frequency_hz = signal.frequency_hz(system).unwrap();
-                        signals[place].range_rate_mps =
-                            Some(-value * SPEED_OF_LIGHT_MPS / frequency_hz);
-                    }
-                    _ => {}
-                }
-            }
-            for signal in signals {
-                // More signals than an epoch keeps are in the file; the first are in use.
-                let _ = epoch.add(satellite, signal);
-            }
-        }
+    let (text, content) = text_of(read_unzipped(path).unwrap()).unwrap();
+    assert_eq!(content, Content::Observations);
+    let mut reader = ObservationReader::new(&text).unwrap();
+    let mut epoch = ObservationEpoch::EMPTY;
+    let mut epochs = Vec::new();
+    while reader.next_epoch(&mut epoch) {
+        epochs.push(epoch.clone());
     }
     epochs
 }

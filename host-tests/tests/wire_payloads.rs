@@ -181,6 +181,8 @@ fn epoch_of(bytes: &[u8]) -> ObservationEpoch {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn observations_come_back(epoch in epoch()) {
         let mut out = vec![0; MAX_EPOCH_BYTES];

@@ -200,7 +200,7 @@ impl Assembler {
                 self.close_incomplete(counters);
                 Outcome::UsedGives(Event::EpochReady)
             }
-            // A time that cannot be compared (GLONASS, NavIC) is taken for the epoch's.
+            // A time that cannot be compared (GLONASS, SBAS, NavIC) is taken for the epoch's.
             _ => self.end_unless(header.more_follow, counters),
         }
     }

@@ -125,6 +125,13 @@ fn page(name: &str, table: &Table, summary: Option<&Value>) -> String {
     page
 }
 
+/// A name of a file format as words.
+fn words(name: &str) -> String {
+    name.replace("hpl_", "HPL_")
+        .replace("vpl_", "VPL_")
+        .replace('_', " ")
+}
+
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
@@ -251,7 +258,7 @@ fn brief(figures: &Figures) -> String {
             .iter()
             .filter(|stretch| stretch.integrity == state)
             .map(|stretch| {
-                let reason = stretch.reason.replace('_', " ");
+                let reason = words(&stretch.reason);
                 let (from, to) = (clock(stretch.from_s), clock(stretch.to_s));
                 format!("{from}–{to} {}", escape(&reason))
             })
@@ -341,7 +348,7 @@ fn stretch_table(figures: &Figures) -> String {
             clock(stretch.from_s),
             clock(stretch.to_s),
             stretch.epochs,
-            escape(&stretch.reason.replace('_', " ")),
+            escape(&words(&stretch.reason)),
             escape(&stretch.excluded.join(" ")),
             state = escape(&stretch.integrity),
         );
@@ -401,7 +408,7 @@ fn summary_table(summary: Option<&Value>) -> String {
 
 fn flatten(name: &str, value: &Value, rows: &mut Vec<(String, String)>) {
     let inner = |key: &str| {
-        let key = key.replace('_', " ");
+        let key = words(key);
         if name.is_empty() {
             key
         } else {
@@ -410,7 +417,11 @@ fn flatten(name: &str, value: &Value, rows: &mut Vec<(String, String)>) {
     };
     match value {
         Value::Object(map) => {
-            for (key, value) in map {
+            // Intervals have tables of their own.
+            let shown = map
+                .iter()
+                .filter(|(key, _)| *key != "alert_intervals" && *key != "exclusions");
+            for (key, value) in shown {
                 flatten(&inner(key), value, rows);
             }
         }

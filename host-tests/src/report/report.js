@@ -68,7 +68,7 @@
     if (a >= 0.01 || a === 0) return v.toFixed(2);
     return v.toExponential(1);
   }
-  const words = (s) => s.replace(/_/g, " ");
+  const words = (s) => s.replace(/_/g, " ").replace(/\b(hpl|vpl)\b/g, (m) => m.toUpperCase());
 
   // ---- colours ------------------------------------------------------------------------------
   let colour = {};

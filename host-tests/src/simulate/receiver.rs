@@ -322,8 +322,8 @@ impl Iterator for Receiver {
                 .iter()
                 .enumerate()
             {
-                // A tenth of a second either side: the third derivative is worth 1e-6 m/s.
-                let step_s = 0.1;
+                // Short, because an aircraft's acceleration jumps where the level segment ends.
+                let step_s = 0.01;
                 let clean_m = self.clean_range_m(ephemeris, channel, label, 0.0);
                 let before_m = self.clean_range_m(ephemeris, channel, label, -step_s);
                 let after_m = self.clean_range_m(ephemeris, channel, label, step_s);

@@ -14,11 +14,12 @@ const MS_PER_WEEK: u32 = 604_800_000;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum EpochTime {
-    /// Milliseconds into the week of GPS time; Galileo, SBAS and QZSS use it too.
+    /// Milliseconds into the week of GPS time; Galileo and QZSS use it too.
     Gpst(u32),
     /// Milliseconds into the week of BDS time.
     Bdt(u32),
-    /// GLONASS and NavIC count in other ways; not used.
+    /// GLONASS and NavIC count in other ways, and of SBAS some receivers write the time of day; not
+    /// used.
     Other,
 }
 
@@ -45,6 +46,20 @@ pub struct MsmHeader {
     pub signals: u32,
     /// Cells in use, row by row, bit 63 for the first signal of the first satellite. DF396
     pub cells: u64,
+}
+
+/// GPST − BDT, ms.
+const GPST_MINUS_BDT_MS: u32 = 14_000;
+
+/// Milliseconds into the BDT week. Receivers were seen that subtract 14 s from the GPST second and do
+/// not return to the week before: the first 14 s of a GPS week then come as −14 s to 0 in 30 bits.
+const fn in_bdt_week(epoch_ms: u32) -> u32 {
+    let below_zero = (1 << 30) - epoch_ms;
+    if below_zero <= GPST_MINUS_BDT_MS {
+        MS_PER_WEEK - below_zero
+    } else {
+        epoch_ms
+    }
 }
 
 /// Constellation and variant of an MSM's number, `None` for another message.
@@ -109,12 +124,11 @@ impl MsmHeader {
         let satellites = cursor.unsigned(32)? << 32 | cursor.unsigned(32)?;
         let signals = cursor.unsigned(32)? as u32;
         let epoch = match constellation {
-            Constellation::Gps
-            | Constellation::Galileo
-            | Constellation::Sbas
-            | Constellation::Qzss => EpochTime::Gpst(epoch_ms),
-            Constellation::Bds => EpochTime::Bdt(epoch_ms),
-            Constellation::Glonass | Constellation::Navic => EpochTime::Other,
+            Constellation::Gps | Constellation::Galileo | Constellation::Qzss => {
+                EpochTime::Gpst(epoch_ms)
+            }
+            Constellation::Bds => EpochTime::Bdt(in_bdt_week(epoch_ms)),
+            Constellation::Glonass | Constellation::Sbas | Constellation::Navic => EpochTime::Other,
         };
         Some(Self {
             number,
@@ -193,6 +207,18 @@ mod tests {
         assert_eq!(header.cells_announced(), 4);
         assert_eq!(header.cells, 0b1010 << 60);
         assert_eq!(header.len_bits(), 173);
+    }
+
+    #[test]
+    fn bdt_below_zero_is_the_end_of_the_week_before() {
+        assert_eq!(in_bdt_week((1 << 30) - 14_000), MS_PER_WEEK - 14_000);
+        assert_eq!(in_bdt_week((1 << 30) - 1), MS_PER_WEEK - 1);
+        assert_eq!(in_bdt_week(0), 0);
+        assert_eq!(in_bdt_week(604_799_000), 604_799_000);
+        assert!(
+            in_bdt_week((1 << 30) - 14_001) > MS_PER_WEEK,
+            "refused later"
+        );
     }
 
     #[test]

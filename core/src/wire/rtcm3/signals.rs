@@ -5,102 +5,86 @@
 
 use super::Constellation;
 
-/// Names of signals 1 to 32; no name where the standard reserves the number.
-type Names = [Option<[u8; 2]>; 32];
-
-const fn names(assigned: &[(u8, [u8; 2])]) -> Names {
-    let mut names: Names = [None; 32];
-    let mut i = 0;
-    while i < assigned.len() {
-        #[expect(
-            clippy::indexing_slicing,
-            reason = "evaluated by the compiler, which would stop here"
-        )]
-        let (number, name) = assigned[i];
-        #[expect(
-            clippy::indexing_slicing,
-            reason = "evaluated by the compiler, which would stop here"
-        )]
-        {
-            names[number as usize - 1] = Some(name);
-        }
-        i += 1;
+/// RINEX band and attribute of signal `number` (1 to 32), `None` where the standard assigns none.
+pub const fn rinex_name(constellation: Constellation, number: u8) -> Option<[u8; 2]> {
+    match constellation {
+        Constellation::Gps => gps(number),
+        Constellation::Galileo => galileo(number),
+        Constellation::Bds => bds(number),
+        _ => None,
     }
-    names
 }
 
-static GPS: Names = names(&[
-    (2, *b"1C"),
-    (3, *b"1P"),
-    (4, *b"1W"),
-    (5, *b"1Y"),
-    (6, *b"1M"),
-    (8, *b"2C"),
-    (9, *b"2P"),
-    (10, *b"2W"),
-    (11, *b"2Y"),
-    (12, *b"2M"),
-    (15, *b"2S"),
-    (16, *b"2L"),
-    (17, *b"2X"),
-    (22, *b"5I"),
-    (23, *b"5Q"),
-    (24, *b"5X"),
-    (30, *b"1S"),
-    (31, *b"1L"),
-    (32, *b"1X"),
-]);
-
-static GALILEO: Names = names(&[
-    (2, *b"1C"),
-    (3, *b"1A"),
-    (4, *b"1B"),
-    (5, *b"1X"),
-    (6, *b"1Z"),
-    (8, *b"6C"),
-    (9, *b"6A"),
-    (10, *b"6B"),
-    (11, *b"6X"),
-    (12, *b"6Z"),
-    (14, *b"7I"),
-    (15, *b"7Q"),
-    (16, *b"7X"),
-    (18, *b"8I"),
-    (19, *b"8Q"),
-    (20, *b"8X"),
-    (22, *b"5I"),
-    (23, *b"5Q"),
-    (24, *b"5X"),
-]);
-
-static BDS: Names = names(&[
-    (2, *b"2I"),
-    (3, *b"2Q"),
-    (4, *b"2X"),
-    (8, *b"6I"),
-    (9, *b"6Q"),
-    (10, *b"6X"),
-    (14, *b"7I"),
-    (15, *b"7Q"),
-    (16, *b"7X"),
-    (22, *b"5D"),
-    (23, *b"5P"),
-    (24, *b"5X"),
-    (25, *b"7D"),
-    (30, *b"1D"),
-    (31, *b"1P"),
-    (32, *b"1X"),
-]);
-
-/// RINEX band and attribute of signal `number` (1 to 32), `None` where the standard assigns none.
-pub fn rinex_name(constellation: Constellation, number: u8) -> Option<[u8; 2]> {
-    let names = match constellation {
-        Constellation::Gps => &GPS,
-        Constellation::Galileo => &GALILEO,
-        Constellation::Bds => &BDS,
+const fn gps(number: u8) -> Option<[u8; 2]> {
+    Some(match number {
+        2 => *b"1C",
+        3 => *b"1P",
+        4 => *b"1W",
+        5 => *b"1Y",
+        6 => *b"1M",
+        8 => *b"2C",
+        9 => *b"2P",
+        10 => *b"2W",
+        11 => *b"2Y",
+        12 => *b"2M",
+        15 => *b"2S",
+        16 => *b"2L",
+        17 => *b"2X",
+        22 => *b"5I",
+        23 => *b"5Q",
+        24 => *b"5X",
+        30 => *b"1S",
+        31 => *b"1L",
+        32 => *b"1X",
         _ => return None,
-    };
-    *names.get((number as usize).checked_sub(1)?)?
+    })
+}
+
+const fn galileo(number: u8) -> Option<[u8; 2]> {
+    Some(match number {
+        2 => *b"1C",
+        3 => *b"1A",
+        4 => *b"1B",
+        5 => *b"1X",
+        6 => *b"1Z",
+        8 => *b"6C",
+        9 => *b"6A",
+        10 => *b"6B",
+        11 => *b"6X",
+        12 => *b"6Z",
+        14 => *b"7I",
+        15 => *b"7Q",
+        16 => *b"7X",
+        18 => *b"8I",
+        19 => *b"8Q",
+        20 => *b"8X",
+        22 => *b"5I",
+        23 => *b"5Q",
+        24 => *b"5X",
+        _ => return None,
+    })
+}
+
+const fn bds(number: u8) -> Option<[u8; 2]> {
+    Some(match number {
+        2 => *b"2I",
+        3 => *b"2Q",
+        4 => *b"2X",
+        8 => *b"6I",
+        9 => *b"6Q",
+        10 => *b"6X",
+        14 => *b"7I",
+        15 => *b"7Q",
+        16 => *b"7X",
+        22 => *b"5D",
+        23 => *b"5P",
+        24 => *b"5X",
+        25 => *b"7D",
+        30 => *b"1D",
+        31 => *b"1P",
+        32 => *b"1X",
+        _ => return None,
+    })
 }
 
 #[cfg(test)]

@@ -1,0 +1,294 @@
+//! The `surefix` command keeps its contract: exit codes, messages that name the next step, files.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn surefix(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_surefix"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+/// A fresh directory of this test run.
+fn directory(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Exit code 2, nothing on standard output, and a message with these words.
+fn refused(arguments: &[&str], words: &[&str]) {
+    let output = surefix(arguments);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert!(output.stdout.is_empty());
+    for word in words {
+        assert!(message.contains(word), "{arguments:?}: {message}");
+    }
+}
+
+/// A simulated recording with its truth.
+fn simulated(name: &str) -> (PathBuf, PathBuf, PathBuf) {
+    let directory = directory(name);
+    let flight = directory.join("flight");
+    let output = surefix(&[
+        "simulate",
+        "approach",
+        "--seed",
+        "7",
+        "--out",
+        text(&flight),
+    ]);
+    assert!(output.status.success());
+    (
+        flight.join("receiver.rtcm3"),
+        flight.join("truth.csv"),
+        directory.join("out"),
+    )
+}
+
+#[test]
+fn unusable_arguments_are_refused_with_the_next_step() {
+    let directory = directory("cli-refused");
+    let out = directory.join("out");
+    let out = text(&out);
+    let readme = Path::new(env!("CARGO_MANIFEST_DIR")).join("../README.md");
+    let readme = text(&readme);
+    let missing = directory.join("missing.obs");
+    refused(
+        &["replay", "--gnss", text(&missing), "--out", out],
+        &["missing.obs", "cannot read"],
+    );
+    refused(
+        &["replay", "--gnss", readme, "--out", out],
+        &["README.md", "RTCM 3", "RINEX"],
+    );
+    let ubx = directory.join("a.ubx");
+    std::fs::write(&ubx, [0xb5, 0x62, 0x02, 0x15, 0, 0, 0, 0]).unwrap();
+    refused(
+        &["replay", "--gnss", text(&ubx), "--out", out],
+        &["UBX", "convbin"],
+    );
+    let empty = directory.join("empty");
+    std::fs::write(&empty, []).unwrap();
+    refused(
+        &["replay", "--gnss", text(&empty), "--out", out],
+        &["empty"],
+    );
+    for (fault, word) in [
+        ("G05:step:50", "T0"),
+        ("X05:step:50:0:10", "no satellite"),
+        ("G05:jump:50:0:10", "step, ramp, noise, walk, osc"),
+    ] {
+        refused(
+            &["replay", "--gnss", readme, "--fault", fault, "--out", out],
+            &[word, "SAT:KIND:MAG:T0:T1"],
+        );
+    }
+    for (flag, value, word) in [
+        ("--systems", "GX", "'X'"),
+        ("--phase", "landing", "lpv200"),
+        ("--mask-deg", "75", "60"),
+        ("--ionosphere", "thick", "klobuchar"),
+        ("--at", "1,2", "three numbers"),
+        ("--at-llh", "100,2,3", "latitude"),
+        ("--truth", "no-such-truth.csv", "no-such-truth.csv"),
+        ("--config", "no-such.toml", "no-such.toml"),
+        ("--max-exclusions", "9", "3"),
+    ] {
+        refused(
+            &["replay", "--gnss", readme, flag, value, "--out", out],
+            &[word],
+        );
+    }
+    refused(&["replay", "--gnss", readme], &["--out"]);
+    refused(&["campaign", "nothing", "--out", out], &["esbc-steps"]);
+}
+
+#[test]
+fn rinex_observations_without_ephemerides_ask_for_them() {
+    let directory = directory("cli-nav");
+    let observations = directory.join("a.obs");
+    let header = [
+        (
+            "     3.04           OBSERVATION DATA    M",
+            "RINEX VERSION / TYPE",
+        ),
+        ("G    1 C1C", "SYS / # / OBS TYPES"),
+        ("", "END OF HEADER"),
+    ];
+    let lines = header.map(|(content, label)| format!("{content:<60}{label}\n"));
+    let body = "> 2024 02 29 23 59 30.0000000  0  1\nG05  20000000.123\n";
+    std::fs::write(&observations, lines.concat() + body).unwrap();
+    let out = directory.join("out");
+    let arguments = ["replay", "--gnss", text(&observations), "--out", text(&out)];
+    refused(&arguments, &["--nav"]);
+    let twice = [&arguments[..], &["--nav", text(&observations)]].concat();
+    refused(&twice, &["a.obs", "--gnss"]);
+}
+
+#[test]
+fn a_replay_writes_the_files_of_the_contract() {
+    let (recording, truth, out) = simulated("cli-files");
+    let output = surefix(&[
+        "replay",
+        "--gnss",
+        text(&recording),
+        "--truth",
+        text(&truth),
+        "--phase",
+        "lpv200",
+        "--ionosphere",
+        "none",
+        "--out",
+        text(&out),
+    ]);
+    assert_eq!(output.status.code(), Some(0));
+    assert!(
+        output.stderr.is_empty(),
+        "no progress bar without a terminal"
+    );
+
+    let epochs = std::fs::read_to_string(out.join("epochs.csv")).unwrap();
+    let mut lines = epochs.lines();
+    let header = lines.next().unwrap();
+    let contract = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,n_sats,mode,\
+                    integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold";
+    assert!(header.starts_with(contract), "{header}");
+    let columns = header.split(',').count();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 241);
+    assert!(rows.iter().all(|row| row.len() == columns));
+    assert_eq!((rows[0][0], rows[1][0], rows[240][0]), ("0", "1", "240"));
+    assert!(
+        rows.iter()
+            .all(|row| row[13] == "snapshot" && row[14] == "nominal")
+    );
+    assert!(rows.iter().all(|row| row[18] == "40" && row[19] == "35"));
+
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert_eq!(summary["epochs"], 241);
+    assert_eq!(summary["epochs_with_position"], 241);
+    assert_eq!(summary["epochs_with_error_above_level"], 0);
+    assert_eq!(summary["alerts"], 0);
+    assert!(summary["h95_m"].as_f64().unwrap() < 2.0);
+    assert_eq!(summary["availability"]["lpv200"], 1.0);
+    assert_eq!(summary["bad_frames"], serde_json::json!({}));
+
+    let errors = std::fs::read_to_string(out.join("errors.csv")).unwrap();
+    assert_eq!(errors.lines().count(), 242);
+    let report = surefix(&["report", text(&out)]);
+    assert!(report.status.success() && out.join("report.html").exists());
+}
+
+#[test]
+fn a_fault_on_recorded_bytes_is_excluded_while_it_lasts() {
+    let (recording, truth, out) = simulated("cli-fault");
+    let arguments = [
+        "replay",
+        "--gnss",
+        text(&recording),
+        "--truth",
+        text(&truth),
+        "--ionosphere",
+        "none",
+        "--out",
+        text(&out),
+    ];
+    assert_eq!(surefix(&arguments).status.code(), Some(0));
+    let clean = std::fs::read_to_string(out.join("epochs.csv")).unwrap();
+    let column = |line: &str, k: usize| line.split(',').nth(k).unwrap().to_owned();
+    let satellite = column(clean.lines().nth(1).unwrap(), 24)
+        .split('+')
+        .next()
+        .unwrap()
+        .to_owned();
+
+    let fault = format!("{satellite}:step:80:60:120");
+    let faulted = [&arguments[..], &["--fault", &fault]].concat();
+    assert_eq!(surefix(&faulted).status.code(), Some(0));
+    let epochs = std::fs::read_to_string(out.join("epochs.csv")).unwrap();
+    let mut differ = 0;
+    for (k, (line, before)) in epochs.lines().zip(clean.lines()).skip(1).enumerate() {
+        if (60..120).contains(&k) {
+            assert_eq!(
+                (column(line, 14).as_str(), column(line, 20)),
+                ("excluded", satellite.clone())
+            );
+            differ += 1;
+        } else if k < 60 {
+            // Decoded, sent again as native frames: the same numbers.
+            assert_eq!(line, before, "epoch {k}");
+        } else {
+            // The iteration starts where the epoch before ended, so the last digits may differ.
+            assert_eq!(column(line, 14), "nominal");
+            let moved = [3, 4, 5].map(|c| {
+                let x = |line| column(line, c).parse::<f64>().unwrap();
+                x(line) - x(before)
+            });
+            assert!(moved.iter().all(|m| m.abs() < 1e-6), "epoch {k}: {moved:?}");
+        }
+    }
+    assert_eq!(differ, 60);
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let exclusion = &summary["exclusions"][0];
+    assert_eq!(exclusion["satellite"], satellite.as_str());
+    assert_eq!(
+        (&exclusion["from_s"], &exclusion["to_s"]),
+        (&60.0.into(), &119.0.into())
+    );
+}
+
+#[test]
+fn damaged_input_finishes_with_exit_code_1_and_its_causes() {
+    let (recording, _, out) = simulated("cli-damaged");
+    let mut bytes = std::fs::read(&recording).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 0x40;
+    let damaged = recording.with_file_name("damaged.rtcm3");
+    std::fs::write(&damaged, bytes).unwrap();
+    let output = surefix(&["replay", "--gnss", text(&damaged), "--out", text(&out)]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("input: "), "{said}");
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert!(summary["bad_frames"]["rtcm_bad_crc"].as_u64().unwrap() >= 1);
+}
+
+#[test]
+fn settings_of_a_file_hold_unless_a_flag_says_otherwise() {
+    let (recording, _, out) = simulated("cli-config");
+    let config = recording.with_file_name("settings.toml");
+    std::fs::write(&config, "systems = \"G\"\nphase = \"apv1\"\n").unwrap();
+    let arguments = [
+        "replay",
+        "--gnss",
+        text(&recording),
+        "--config",
+        text(&config),
+        "--phase",
+        "terminal",
+        "--out",
+        text(&out),
+    ];
+    assert_eq!(surefix(&arguments).status.code(), Some(0));
+    let epochs = std::fs::read_to_string(out.join("epochs.csv")).unwrap();
+    let row: Vec<&str> = epochs.lines().nth(100).unwrap().split(',').collect();
+    assert_eq!((row[18], row[19]), ("1852", ""));
+    assert!(
+        row[24]
+            .split('+')
+            .all(|satellite| satellite.starts_with('G'))
+    );
+    std::fs::write(&config, "sytems = \"G\"\n").unwrap();
+    refused(&arguments, &["settings.toml", "sytems"]);
+}
