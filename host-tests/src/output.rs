@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use serde::Serialize;
+use surefix_core::gnss::measurement::SatelliteReason;
 use surefix_core::gnss::{SatelliteSet, System};
 use surefix_core::integrity::{Integrity, Phase, ProtectionLevel, Reason};
 use surefix_core::report::{EpochReport, ReportFlags};
@@ -18,7 +19,7 @@ use crate::truth::Truth;
 /// Columns of `epochs.csv`: those of the contract, then more.
 pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\
 n_sats,mode,integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold,\
-n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags";
+n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags,unused";
 
 /// Seconds since the first epoch.
 pub fn t_s(report: &EpochReport) -> f64 {
@@ -46,6 +47,21 @@ fn flags(flags: ReportFlags) -> String {
         "-".into()
     } else {
         names.join("+")
+    }
+}
+
+/// Satellites observed and not used, by reason: `below_mask:3+unhealthy:1`.
+fn unused(counts: &[u8]) -> String {
+    let reasons: Vec<String> = SatelliteReason::ALL
+        .iter()
+        .zip(counts)
+        .filter(|(_, count)| **count > 0)
+        .map(|(reason, count)| format!("{}:{count}", reason.name()))
+        .collect();
+    if reasons.is_empty() {
+        "-".into()
+    } else {
+        reasons.join("+")
     }
 }
 
@@ -95,7 +111,33 @@ pub fn epoch_row(report: &EpochReport) -> String {
         let clock = fix.and_then(|fix| fix.clock_m[system.index()]);
         field(&mut line, clock);
     }
-    let _ = write!(line, ",{}", flags(report.flags));
+    let _ = write!(line, ",{},{}", flags(report.flags), unused(&report.unused));
+    line
+}
+
+/// One epoch as a line to read while it happens.
+pub fn epoch_line(report: &EpochReport) -> String {
+    let verdict = &report.verdict;
+    let level = |level: ProtectionLevel| {
+        level
+            .bound_m()
+            .map_or("      -".into(), |bound_m| format!("{bound_m:5.1} m"))
+    };
+    let mut line = format!(
+        "t {:8.1} s  {:11}  HPL {}  VPL {}  {:2} satellites",
+        t_s(report),
+        verdict.integrity.name(),
+        level(verdict.hpl),
+        level(verdict.vpl),
+        report.used.len(),
+    );
+    if !verdict.excluded.is_empty() {
+        let names: Vec<String> = verdict.excluded.iter().map(|s| s.to_string()).collect();
+        line += &format!("  without {}", names.join("+"));
+    }
+    if verdict.reason != Reason::None {
+        line += &format!("  {}", verdict.reason.name());
+    }
     line
 }
 
@@ -203,6 +245,8 @@ pub struct Summary {
     pub availability: BTreeMap<&'static str, f64>,
     /// Epochs by flag.
     pub flags: BTreeMap<&'static str, usize>,
+    /// Satellites observed and not used, summed over the epochs, by reason.
+    pub unused: BTreeMap<&'static str, usize>,
 }
 
 /// The value that `share` of the values do not exceed, nearest rank.
@@ -305,8 +349,14 @@ pub fn summarize(
     let mut integrity: BTreeMap<_, usize> = BTreeMap::new();
     let mut reasons: BTreeMap<_, usize> = BTreeMap::new();
     let mut flags: BTreeMap<_, usize> = BTreeMap::new();
+    let mut unused: BTreeMap<_, usize> = BTreeMap::new();
     let mut excluded = SatelliteSet::EMPTY;
     for report in reports {
+        for (reason, count) in SatelliteReason::ALL.iter().zip(report.unused) {
+            if count > 0 {
+                *unused.entry(reason.name()).or_default() += usize::from(count);
+            }
+        }
         *integrity
             .entry(report.verdict.integrity.name())
             .or_default() += 1;
@@ -357,6 +407,7 @@ pub fn summarize(
             })
             .collect(),
         flags,
+        unused,
     }
 }
 

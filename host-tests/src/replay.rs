@@ -209,17 +209,21 @@ const COSTLY: [&str; 16] = [
 ];
 
 impl ReplayResult {
-    /// Whether input was lost that cost an epoch or a part of one.
+    /// Whether input was lost that cost an epoch or a part of one, or there was no epoch at all.
     pub fn lost_epochs(&self) -> bool {
-        COSTLY.iter().any(|name| self.losses.contains_key(*name))
+        self.reports.is_empty() || COSTLY.iter().any(|name| self.losses.contains_key(*name))
     }
 }
 
-/// Replays a recording in memory; `progress` hears epochs done and epochs in all.
+/// Replays a recording in memory; `progress` sees the reports so far, as they come, and hears how many
+/// epochs there are in all.
 ///
 /// # Errors
 /// When an input is unusable, or the emulator cannot be run; the message tells what to do.
-pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Result<ReplayResult> {
+pub fn run(
+    options: &ReplayOptions,
+    progress: &mut dyn FnMut(&[EpochReport], u64),
+) -> Result<ReplayResult> {
     if let Err(error) = options.config.check() {
         bail!("the configuration is not legal: {error:?}");
     }
@@ -238,12 +242,18 @@ pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Resul
     };
     executor.run(&stream.bytes, &mut |piece| {
         reader.push(piece);
-        progress(reader.reports.len() as u64, info.epochs);
+        progress(&reader.reports, info.epochs);
     })?;
 
     let mut losses = info.losses.clone();
     let counters = reader.counters.unwrap_or(Counters::ZERO);
-    for (cause, count) in source::losses(&counters) {
+    let of_monitor = if stream.is_padded {
+        // The file was decoded without the padding.
+        BTreeMap::new()
+    } else {
+        source::losses(&counters)
+    };
+    for (cause, count) in of_monitor {
         let slot = losses.entry(cause).or_default();
         *slot = count.max(*slot);
     }
@@ -308,7 +318,7 @@ struct ConfigSummary {
     max_exclusions: u8,
 }
 
-/// Writes `epochs.csv`, `errors.csv` (with a truth) and `summary.json` into `directory`.
+/// Writes `epochs.csv`, `errors.csv` (with a truth), `summary.json` and `report.html` into `directory`.
 ///
 /// # Errors
 /// When the directory or a file cannot be written.
@@ -365,5 +375,7 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         skipped: &result.info.skipped,
         counters: result.counters.rows().collect(),
     };
-    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")
+    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")?;
+    crate::report::write(directory)?;
+    Ok(())
 }

@@ -74,6 +74,8 @@ pub struct Stream {
     pub bytes: Vec<u8>,
     /// What they were made from.
     pub info: RecordingInfo,
+    /// Zeros stand between the recording and the end frame, which the monitor counts as noise.
+    pub is_padded: bool,
 }
 
 /// What content was recognised.
@@ -83,6 +85,9 @@ enum Format {
     Rtcm3,
     Native,
 }
+
+/// More than the longest frame of any kind.
+const FILLER_BYTES: usize = 2 * native::MAX_FRAME;
 
 /// How far into a file frames are looked for.
 const SEARCHED_BYTES: usize = 1 << 20;
@@ -224,12 +229,6 @@ pub fn decode(
             info.format = frames_format(format).into();
         }
     }
-    if info.epochs == 0 {
-        bail!(
-            "{} holds no observation epoch: record MSM4 to MSM7 messages, or give RINEX observations",
-            gnss.display()
-        );
-    }
     Ok(info)
 }
 
@@ -280,6 +279,9 @@ fn decode_rinex(
         bad_fields,
         no_room,
     } = reader.counts().clone();
+    if epochs == 0 {
+        bail!("{name} holds no epoch that can be read: give another recording");
+    }
     info.epochs = epochs;
     for (cause, count) in [
         ("rinex_bad_epochs", bad_epochs),
@@ -465,14 +467,22 @@ pub fn stream(
         // As recorded; decoded beside that for the station's position and the number of epochs.
         let info = decode(gnss, nav, config, &mut |_| {})?;
         writer.bytes.extend_from_slice(&raw);
+        let is_padded = info.losses.contains_key("cut_off_frames");
+        if is_padded {
+            // What looks like the head of a frame at the end would take the end frame for its
+            // content.
+            writer.bytes.extend_from_slice(&[0; FILLER_BYTES]);
+        }
         return Ok(Stream {
             bytes: writer.finish(),
             info,
+            is_padded,
         });
     }
     let info = decode(gnss, nav, config, &mut |item| writer.write(item))?;
     Ok(Stream {
         bytes: writer.finish(),
         info,
+        is_padded: false,
     })
 }

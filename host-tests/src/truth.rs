@@ -29,13 +29,16 @@ pub struct Truth {
     path: TruthPath,
 }
 
+/// A time in ns and a position, ECEF, m.
+type TrackRow = (i64, [f64; 3]);
+
 #[derive(Clone, Debug)]
 enum TruthPath {
     Fixed([f64; 3]),
     /// Times in ns, GPST or since the first epoch, ascending.
     Track {
         is_gps_time: bool,
-        rows: Vec<(i64, [f64; 3])>,
+        rows: Vec<TrackRow>,
     },
 }
 
@@ -120,7 +123,7 @@ impl Truth {
     }
 }
 
-fn csv_rows(text: &str) -> Result<(bool, Vec<(i64, [f64; 3])>)> {
+fn csv_rows(text: &str) -> Result<(bool, Vec<TrackRow>)> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines
         .next()
@@ -184,7 +187,7 @@ fn seconds_to_ns(seconds: f64) -> i64 {
     (seconds * NS_PER_S as f64).round() as i64
 }
 
-fn rtklib_rows(text: &str) -> Result<Vec<(i64, [f64; 3])>> {
+fn rtklib_rows(text: &str) -> Result<Vec<TrackRow>> {
     let header = text
         .lines()
         .filter(|line| line.starts_with('%'))

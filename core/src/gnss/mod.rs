@@ -10,6 +10,7 @@ pub mod observation;
 pub mod orbit;
 pub mod satellite;
 pub mod signal;
+mod sky;
 pub mod solution;
 pub mod store;
 pub mod weights;

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! prepare()  satellite states, clocks, signals: once per epoch
-//! solve()    [cold start, no atmosphere, all weights equal] ─► directions, atmosphere, mask, sigmas
+//! solve()    [cold start, no atmosphere, all weights equal] ─► `sky.rs`: directions, atmosphere, mask, sigmas
 //!            ─► Newton ─► moved far? directions again ─► velocity, linear model
 //! ```
 //!
@@ -24,20 +24,15 @@
 use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
-use super::atmosphere::{troposphere_mapping, troposphere_zenith_m};
-use super::klobuchar::{SkyPoint, geomagnetic_latitude_rad};
 use super::measurement::{Measurement, measure, range_geometry, satellite_range_rate};
 use super::normals::{Estimate, Normals};
-use super::signal::FREQUENCY_L1_HZ;
-use super::weights::{
-    IonosphereResidual, RowConditions, RowSigma, pseudorange_sigma, range_rate_sigma_mps,
-};
+use super::sky::{Models, Sky};
+use super::weights::{RowSigma, range_rate_sigma_mps};
 use super::{
-    BroadcastIonosphere, EphemerisStore, KlobucharParameters, ObservationEpoch, Satellite,
-    SatelliteSet, System,
+    BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satellite, SatelliteSet, System,
 };
-use crate::config::{Config, IonosphereModel, NoisePreset, TroposphereModel};
-use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, MAX_UNKNOWNS, SPEED_OF_LIGHT_MPS};
+use crate::config::{Config, IonosphereModel};
+use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, MAX_UNKNOWNS};
 use crate::frames::geodesy;
 use crate::linalg::LinearModel;
 use crate::time::GpsTime;
@@ -137,41 +132,6 @@ struct Row {
     residual_m: f64,
 }
 
-/// What depends on the direction only, and so hardly on the position.
-#[derive(Clone, Copy, Debug)]
-struct Sky {
-    elevation_rad: f64,
-    azimuth_rad: f64,
-    sin_elevation: f64,
-    above_mask: bool,
-    delay_m: f64,
-    sigma: RowSigma,
-}
-
-impl Sky {
-    const UNSEEN: Self = Self {
-        elevation_rad: 0.0,
-        azimuth_rad: 0.0,
-        sin_elevation: 0.0,
-        above_mask: false,
-        delay_m: 0.0,
-        sigma: RowSigma {
-            independent_m: 1.0,
-            common_m: 0.0,
-        },
-    };
-}
-
-/// The part of the configuration a solution needs.
-#[derive(Clone, Copy, Debug)]
-struct Models {
-    mask_rad: f64,
-    ionosphere: IonosphereModel,
-    troposphere: TroposphereModel,
-    noise: NoisePreset,
-    parameters: Option<KlobucharParameters>,
-}
-
 /// Everything between an epoch and its solutions. Large: keep it in a `static`.
 pub struct SnapshotWorkspace {
     time: GpsTime,
@@ -203,13 +163,7 @@ impl SnapshotWorkspace {
     /// No epoch.
     pub const EMPTY: Self = Self {
         time: GpsTime::from_ns(0),
-        models: Models {
-            mask_rad: 0.0,
-            ionosphere: IonosphereModel::None,
-            troposphere: TroposphereModel::None,
-            noise: NoisePreset::Elevation,
-            parameters: None,
-        },
+        models: Models::NONE,
         rows: Vec::new(),
         n_observed: 0,
         unused: [0; SATELLITE_REASONS],
@@ -227,13 +181,7 @@ impl SnapshotWorkspace {
         config: &Config,
     ) {
         self.time = epoch.time;
-        self.models = Models {
-            mask_rad: config.mask_rad,
-            ionosphere: config.ionosphere,
-            troposphere: config.troposphere,
-            noise: config.noise,
-            parameters: ionosphere.parameters().copied(),
-        };
+        self.models = Models::new(config, ionosphere);
         self.rows.clear();
         self.n_observed = 0;
         self.unused = [0; SATELLITE_REASONS];
@@ -358,15 +306,9 @@ impl SnapshotWorkspace {
         {
             return Ok(());
         }
-        let llh = plausible(r_e)?;
-        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
-        let zenith_m = match self.models.troposphere {
-            TroposphereModel::None => None,
-            TroposphereModel::Saastamoinen => Some(troposphere_zenith_m(llh.lat_rad, llh.height_m)),
-        };
-        let (time, models) = (self.time, self.models);
+        let place = self.models.place(r_e, plausible(r_e)?);
         for row in &mut self.rows {
-            row.sky = models.sky(time, &row.measurement, r_e, &llh, &c_enu_e, zenith_m);
+            row.sky = self.models.sky(self.time, &row.measurement, &place);
         }
         self.sky_at = Some(r_e);
         Ok(())
@@ -503,8 +445,7 @@ impl SnapshotWorkspace {
             used,
             n_observed: self.n_observed,
             unused,
-            no_broadcast_ionosphere: self.models.ionosphere == IonosphereModel::Klobuchar
-                && self.models.parameters.is_none(),
+            no_broadcast_ionosphere: self.models.no_broadcast_ionosphere(),
             steps,
         })
     }
@@ -564,75 +505,4 @@ fn plausible(r_e: [f64; 3]) -> Result<geodesy::Llh, SnapshotError> {
         .ok()
         .filter(|llh| PLAUSIBLE_HEIGHT_M.contains(&llh.height_m))
         .ok_or(SnapshotError::ImplausiblePosition)
-}
-
-impl Models {
-    /// One satellite seen from one place.
-    fn sky(
-        &self,
-        time: GpsTime,
-        measurement: &Measurement,
-        r_e: [f64; 3],
-        llh: &geodesy::Llh,
-        c_enu_e: &Matrix3<f64>,
-        zenith_m: Option<f64>,
-    ) -> Sky {
-        let geometry = range_geometry(measurement.r_e_m, r_e);
-        let u_enu = c_enu_e * Vector3::from(geometry.line_of_sight_e);
-        let direction = geodesy::direction(&u_enu);
-        let mut sky = Sky {
-            elevation_rad: direction.elevation_rad,
-            azimuth_rad: direction.azimuth_rad,
-            sin_elevation: u_enu.z,
-            above_mask: direction.elevation_rad >= self.mask_rad,
-            ..Sky::UNSEEN
-        };
-        if !sky.above_mask {
-            return sky;
-        }
-        let at = SkyPoint {
-            lat_rad: llh.lat_rad,
-            lon_rad: llh.lon_rad,
-            azimuth_rad: sky.azimuth_rad,
-            elevation_rad: sky.elevation_rad,
-        };
-        let mut residual = IonosphereResidual::None;
-        if self.ionosphere == IonosphereModel::Klobuchar {
-            residual = IonosphereResidual::Uncorrected;
-            let delay_s = self
-                .parameters
-                .and_then(|parameters| parameters.delay_s(time, &at, FREQUENCY_L1_HZ));
-            if let Some(delay_s) = delay_s {
-                let slant_m = delay_s * SPEED_OF_LIGHT_MPS;
-                sky.delay_m += slant_m * measurement.ionosphere_scale;
-                residual = IonosphereResidual::Corrected { slant_m };
-            }
-        }
-        if let Some(zenith_m) = zenith_m {
-            sky.delay_m += zenith_m * troposphere_mapping(sky.sin_elevation);
-        }
-        sky.sigma = pseudorange_sigma(
-            self.noise,
-            &RowConditions {
-                satellite: measurement.satellite,
-                elevation_rad: sky.elevation_rad,
-                sin_elevation: sky.sin_elevation,
-                sigma_ura_m: measurement.sigma_ura_m,
-                noise_factor: measurement.noise_factor,
-                ionosphere_scale: measurement.ionosphere_scale,
-                ionosphere: residual,
-                geomagnetic_latitude_rad: match self.noise {
-                    NoisePreset::Elevation => 0.0,
-                    NoisePreset::Airborne => geomagnetic_latitude_rad(&at),
-                },
-                troposphere: zenith_m.is_some(),
-            },
-        );
-        // A sigma that is no number would carry the whole solution away.
-        let usable = sky.sigma.independent_m > 0.0
-            && sky.sigma.independent_m.is_finite()
-            && sky.delay_m.is_finite();
-        sky.above_mask = usable;
-        sky
-    }
 }

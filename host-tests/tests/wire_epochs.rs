@@ -1,0 +1,423 @@
+//! How epochs are put together: when they end, what is dropped, what is flagged, what is counted.
+
+use rtcm_rs::msg::{
+    BdsSigId, GalSigId, GloSigId, GpsSigId, Msg1042T, Msg1074Data, Msg1074Sig, Msg1074T,
+    Msg1084Data, Msg1084Sig, Msg1084T, Msg1094Data, Msg1094Sig, Msg1094T, Msg1124Data, Msg1124Sig,
+    Msg1124T, Msm46Sat,
+};
+use rtcm_rs::{Message, MessageBuilder};
+use surefix_core::config::Config;
+use surefix_core::consts::MAX_SATELLITES;
+use surefix_core::gnss::{
+    KlobucharParameters, ObservationEpoch, Satellite, Signal, SignalObservation, System,
+};
+use surefix_core::ingest::{self, Event, Ingest, MAX_EPOCH_BYTES};
+use surefix_core::time::GpsTime;
+use surefix_core::wire::Counters;
+use surefix_core::wire::native::{Frame, MAX_FRAME};
+
+const GPS_SIGNALS: [(u8, char); 7] = [
+    (1, 'C'),
+    (1, 'W'),
+    (2, 'W'),
+    (2, 'L'),
+    (2, 'S'),
+    (5, 'I'),
+    (5, 'Q'),
+];
+
+/// One MSM4 of a system with pseudoranges of 70 ms on every cell.
+macro_rules! msm4 {
+    ($variant:ident, $message:ident, $data:ident, $sig:ident, $id:ident, $epoch:ident,
+     $tow:expr, $more:expr, $satellites:expr, $signals:expr) => {{
+        let mut data = $data::default();
+        for satellite_id in $satellites {
+            data.satellite_data.push(Msm46Sat {
+                satellite_id,
+                gnss_satellite_rough_range_integer_ms: Some(70),
+                gnss_satellite_rough_range_mod1ms_ms: 0.5,
+            });
+            for (band, attribute) in $signals {
+                data.signal_data.push($sig {
+                    satellite_id,
+                    signal_id: $id::new(band, attribute),
+                    gnss_signal_fine_pseudorange_ms: Some(0.0),
+                    ..Default::default()
+                });
+            }
+        }
+        let message = Message::$variant($message {
+            $epoch: $tow,
+            msm_multiple_message_flag: $more as u8,
+            data_segment: data,
+            ..Default::default()
+        });
+        MessageBuilder::new()
+            .build_message(&message)
+            .unwrap()
+            .to_vec()
+    }};
+}
+
+fn gps(
+    tow_ms: u32,
+    more: bool,
+    satellites: impl IntoIterator<Item = u8>,
+    signals: usize,
+) -> Vec<u8> {
+    msm4!(
+        Msg1074,
+        Msg1074T,
+        Msg1074Data,
+        Msg1074Sig,
+        GpsSigId,
+        gps_epoch_time_ms,
+        tow_ms,
+        more,
+        satellites,
+        GPS_SIGNALS.into_iter().take(signals)
+    )
+}
+
+fn galileo(tow_ms: u32, more: bool, satellites: impl IntoIterator<Item = u8>) -> Vec<u8> {
+    msm4!(
+        Msg1094,
+        Msg1094T,
+        Msg1094Data,
+        Msg1094Sig,
+        GalSigId,
+        gal_epoch_time_ms,
+        tow_ms,
+        more,
+        satellites,
+        [(1, 'C')]
+    )
+}
+
+fn bds(bdt_ms: u32, more: bool, satellites: impl IntoIterator<Item = u8>) -> Vec<u8> {
+    msm4!(
+        Msg1124,
+        Msg1124T,
+        Msg1124Data,
+        Msg1124Sig,
+        BdsSigId,
+        bds_epoch_time_ms,
+        bdt_ms,
+        more,
+        satellites,
+        [(2, 'I')]
+    )
+}
+
+fn glonass(more: bool) -> Vec<u8> {
+    let mut data = Msg1084Data::default();
+    data.satellite_data.push(Msm46Sat {
+        satellite_id: 1,
+        ..Default::default()
+    });
+    data.signal_data.push(Msg1084Sig {
+        satellite_id: 1,
+        signal_id: GloSigId::new(1, 'C'),
+        ..Default::default()
+    });
+    let message = Message::Msg1084(Msg1084T {
+        msm_multiple_message_flag: u8::from(more),
+        data_segment: data,
+        ..Default::default()
+    });
+    MessageBuilder::new()
+        .build_message(&message)
+        .unwrap()
+        .to_vec()
+}
+
+/// What a stream gives: epochs as they were when ready, all other events, the counters.
+fn run(stream: &[u8]) -> (Vec<ObservationEpoch>, Vec<Event>, Counters) {
+    let mut ingest = Box::new(Ingest::EMPTY);
+    let (mut epochs, mut events) = (Vec::new(), Vec::new());
+    let mut bytes = stream;
+    loop {
+        let (used, mut event) = ingest.push(bytes);
+        bytes = &bytes[used..];
+        if event == Event::Nothing {
+            event = ingest.finish();
+        }
+        match event {
+            Event::EpochReady => epochs.push(ingest.epoch().clone()),
+            Event::EndOfStream if bytes.is_empty() => break,
+            event => events.push(event),
+        }
+    }
+    (epochs, events, *ingest.counters())
+}
+
+fn tows(epochs: &[ObservationEpoch]) -> Vec<f64> {
+    epochs.iter().map(|epoch| epoch.time.tow_s()).collect()
+}
+
+#[test]
+fn a_later_epoch_ends_one_that_waits_and_loses_nothing() {
+    let stream = [
+        gps(1000, true, 1..=8, 1),
+        // The rest of second 1 is lost.
+        gps(2000, true, 1..=7, 1),
+        galileo(2000, true, 1..=5),
+        bds(604_788_000, false, 6..=9),
+    ]
+    .concat();
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(tows(&epochs), [1.0, 2.0]);
+    assert!(epochs[0].flags.incomplete && !epochs[1].flags.incomplete);
+    assert_eq!(epochs[0].satellites.len(), 8);
+    assert_eq!(epochs[1].satellites.len(), 7 + 5 + 4);
+    assert_eq!((counters.epochs, counters.epochs_incomplete), (2, 1));
+}
+
+#[test]
+fn a_message_of_another_system_ends_the_epoch() {
+    let stream = [
+        gps(1000, true, 1..=8, 1),
+        glonass(true),
+        galileo(1000, true, 1..=5),
+        glonass(false),
+        gps(2000, false, 1..=8, 1),
+    ]
+    .concat();
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(tows(&epochs), [1.0, 2.0]);
+    assert!(epochs.iter().all(|epoch| !epoch.flags.incomplete));
+    assert_eq!(epochs[0].satellites.len(), 13);
+    assert_eq!(counters.msm_skipped, 2);
+}
+
+#[test]
+fn older_and_repeated_epochs_are_dropped_and_counted() {
+    let stream = [
+        gps(5000, false, 1..=8, 1),
+        gps(5000, false, 1..=9, 1),
+        gps(4000, false, 1..=8, 1),
+        galileo(4000, false, 1..=8),
+        gps(6000, false, 1..=8, 1),
+    ]
+    .concat();
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(tows(&epochs), [5.0, 6.0]);
+    assert_eq!(counters.messages_too_late, 3);
+    assert_eq!(counters.time_restarts, 0);
+}
+
+#[test]
+fn a_receiver_that_goes_back_in_time_for_good_is_followed() {
+    let mut stream = gps(500_000_000, false, 1..=8, 1);
+    for k in 0..100 {
+        stream.extend(gps(400_000_000 + k * 1000, false, 1..=8, 1));
+    }
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(epochs.len(), 1 + 40);
+    assert_eq!(counters.messages_too_late, 60);
+    assert_eq!(counters.time_restarts, 1);
+    assert_eq!(epochs[1].time.tow_s(), 400_060.0);
+}
+
+#[test]
+fn what_does_not_fit_is_flagged_and_counted() {
+    let stream = [
+        gps(1000, true, 1..=32, 1),
+        galileo(1000, false, 1..=20),
+        gps(2000, false, [3, 4], 7),
+    ]
+    .concat();
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(epochs[0].satellites.len(), MAX_SATELLITES);
+    assert!(epochs[0].flags.overflow && epochs[1].flags.overflow);
+    assert_eq!(counters.satellites_lost, 4);
+    assert_eq!(epochs[1].satellites[1].signals.len(), 6);
+    assert_eq!(counters.signals_lost, 2);
+}
+
+#[test]
+fn bds_seconds_that_are_not_bdt_are_not_believed() {
+    let stream = [
+        gps(100_000, true, 1..=8, 1),
+        // GPST where BDT belongs.
+        bds(100_000, false, 6..=9),
+        gps(101_000, true, 1..=8, 1),
+        bds(87_000, false, 6..=9),
+    ]
+    .concat();
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(tows(&epochs), [100.0, 101.0]);
+    assert_eq!(counters.bds_time_contradicted, 1);
+    assert!(epochs[0].flags.incomplete);
+    assert_eq!(epochs[0].satellites.len(), 8);
+    assert_eq!(epochs[1].satellites.len(), 12);
+}
+
+#[test]
+fn the_end_of_the_stream_gives_out_what_waits() {
+    let (epochs, _, counters) = run(&gps(1000, true, 1..=8, 1));
+    assert_eq!(tows(&epochs), [1.0]);
+    assert!(epochs[0].flags.incomplete);
+    assert_eq!(counters.epochs, 1);
+
+    // A native frame that ends the stream does the same.
+    let mut stream = gps(1000, true, 1..=8, 1);
+    let mut out = [0; MAX_FRAME];
+    let len = ingest::encode_end_of_stream(&mut out).unwrap();
+    stream.extend(&out[..len]);
+    let mut ingest = Box::new(Ingest::EMPTY);
+    let (used, event) = ingest.push(&stream);
+    assert_eq!((used, event), (stream.len(), Event::EpochReady));
+    assert_eq!(ingest.push(&[]), (0, Event::EndOfStream));
+    assert_eq!(ingest.push(&[]), (0, Event::Nothing));
+}
+
+#[test]
+fn a_bds_ephemeris_tells_the_week_and_moves_what_was_provisional() {
+    let ephemeris = Message::Msg1042(Msg1042T {
+        bds_satellite_id: 11,
+        bds_week_number: 653,
+        toe_s: 302_400.0,
+        toc_s: 302_400.0,
+        sqrt_a_sqrt_m: 5282.6,
+        ura_index: 0,
+        ..Default::default()
+    });
+    let stream = [
+        gps(302_500_000, false, 1..=8, 1),
+        MessageBuilder::new()
+            .build_message(&ephemeris)
+            .unwrap()
+            .to_vec(),
+        gps(302_501_000, false, 1..=8, 1),
+    ]
+    .concat();
+    let (epochs, events, _) = run(&stream);
+    assert_eq!(
+        (epochs[0].time.week(), epochs[0].flags.week_unknown),
+        (0, true)
+    );
+    assert_eq!(
+        (epochs[1].time.week(), epochs[1].flags.week_unknown),
+        (2009, false)
+    );
+    assert_eq!(events[0], Event::WeekResolved { shift_weeks: 2009 });
+    let Event::Ephemeris(ephemeris) = &events[1] else {
+        panic!("{events:?}");
+    };
+    assert_eq!(
+        ephemeris.satellite,
+        Satellite::new(System::Bds, 11).unwrap()
+    );
+    assert_eq!(ephemeris.toe, GpsTime::from_week_tow_s(2009, 302_414));
+    assert_eq!(ephemeris.toe_sow_s, 302_400.0);
+    assert_eq!(ephemeris.sigma_ura_m, Some(2.0));
+}
+
+fn native_epoch(time: GpsTime, week_unknown: bool) -> Vec<u8> {
+    let mut epoch = ObservationEpoch::EMPTY;
+    epoch.restart(time);
+    epoch.flags.week_unknown = week_unknown;
+    for index in 0..40 {
+        for (band, attribute) in GPS_SIGNALS.into_iter().take(6) {
+            let signal = Signal::new(b'0' + band, attribute as u8).unwrap();
+            let mut observation = SignalObservation::new(signal);
+            observation.pseudorange_m = Some(2e7 + index as f64);
+            let satellite = Satellite::from_index(index).unwrap();
+            epoch.add(satellite, observation).unwrap();
+        }
+    }
+    let mut out = vec![0; MAX_EPOCH_BYTES];
+    let len = ingest::encode_observations(&epoch, &mut out).unwrap();
+    out[..len].to_vec()
+}
+
+/// A stream of native frames, each by itself.
+fn frames(mut stream: &[u8]) -> Vec<&[u8]> {
+    let mut frames = Vec::new();
+    while !stream.is_empty() {
+        let (_, len) = Frame::parse(stream).unwrap();
+        let (frame, rest) = stream.split_at(len);
+        frames.push(frame);
+        stream = rest;
+    }
+    frames
+}
+
+#[test]
+fn a_native_epoch_that_lacks_a_group_is_incomplete() {
+    let time = GpsTime::from_week_tow_s(2010, 100);
+    let whole = native_epoch(time, false);
+    let groups = frames(&whole);
+    assert!(groups.len() > 2);
+    let (epochs, _, _) = run(&whole);
+    assert_eq!(epochs.len(), 1);
+    assert!(!epochs[0].flags.incomplete && !epochs[0].flags.week_unknown);
+    assert_eq!(epochs[0].satellites.len(), 40);
+    for missing in 0..groups.len() {
+        let mut left = groups.clone();
+        left.remove(missing);
+        let (epochs, _, counters) = run(&left.concat());
+        assert_eq!(epochs.len(), 1);
+        assert!(epochs[0].flags.incomplete, "group {missing}");
+        assert!(epochs[0].satellites.len() < 40);
+        assert_eq!(counters.epochs_incomplete, 1);
+    }
+    // A group twice adds nothing.
+    let mut twice = groups.clone();
+    twice.insert(1, groups[0]);
+    let (epochs, _, counters) = run(&twice.concat());
+    assert!(!epochs[0].flags.incomplete);
+    assert_eq!(counters.messages_too_late, 1);
+}
+
+#[test]
+fn provisional_weeks_of_a_resent_stream_are_corrected_like_those_of_the_first() {
+    let stream = [
+        native_epoch(GpsTime::from_week_tow_s(985, 100), true),
+        native_epoch(GpsTime::from_week_tow_s(2009, 101), false),
+        native_epoch(GpsTime::from_week_tow_s(2009, 102), false),
+    ]
+    .concat();
+    let (epochs, events, _) = run(&stream);
+    assert!(epochs[0].flags.week_unknown && !epochs[1].flags.week_unknown);
+    assert_eq!(events, [Event::WeekResolved { shift_weeks: 1024 }]);
+    assert_eq!(epochs[2].time, GpsTime::from_week_tow_s(2009, 102));
+}
+
+#[test]
+fn other_native_frames_are_events_and_nonsense_is_counted() {
+    let mut stream = Vec::new();
+    let mut out = [0; MAX_FRAME];
+    let config = Config {
+        reference_week: Some(2010),
+        ..Config::PRESET
+    };
+    let len = ingest::encode_configuration(&config, &mut out).unwrap();
+    stream.extend(&out[..len]);
+    let parameters = KlobucharParameters {
+        system: System::Gps,
+        alpha: [1e-8, 0.0, -6e-8, 6e-8],
+        beta: [9e4, 0.0, -2e5, 7e4],
+    };
+    let len = ingest::encode_klobuchar(&parameters, &mut out).unwrap();
+    stream.extend(&out[..len]);
+    let len = Counters::ZERO.encode(&mut out).unwrap();
+    stream.extend(&out[..len]);
+    let illegal = Config {
+        max_exclusions: 4,
+        ..config
+    };
+    let len = ingest::encode_configuration(&illegal, &mut out).unwrap();
+    stream.extend(&out[..len]);
+
+    let (epochs, events, counters) = run(&stream);
+    assert!(epochs.is_empty());
+    assert_eq!(
+        events,
+        [Event::Configuration(config), Event::Klobuchar(parameters)]
+    );
+    assert_eq!(counters.native_frames, 4);
+    assert_eq!(counters.native_unknown_kind, 1);
+    assert_eq!(counters.native_refused, 1);
+}
