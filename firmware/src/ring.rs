@@ -19,15 +19,15 @@ pub struct Ring<const N: usize> {
 
 impl<const N: usize> Ring<N> {
     /// A ring with nothing in it.
-    pub const EMPTY: Self = {
-        assert!(N.is_power_of_two() && N <= 1 << 30);
+    pub const fn empty() -> Self {
+        const { assert!(N.is_power_of_two() && N <= 1 << 30) };
         Self {
             bytes: [const { AtomicU8::new(0) }; N],
             written: AtomicU32::new(0),
             read: AtomicU32::new(0),
             lost: AtomicU32::new(0),
         }
-    };
+    }
 
     /// Puts a byte in, or counts it as lost. For the one writer.
     #[inline]
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn bytes_come_out_in_order_around_the_end() {
-        let ring = Ring::<8>::EMPTY;
+        let ring = Ring::<8>::empty();
         let mut next_out = 0u8;
         let mut out = [0; 5];
         for round in 0..50u8 {
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn a_full_ring_keeps_the_old_bytes_and_counts_the_new() {
-        let ring = Ring::<4>::EMPTY;
+        let ring = Ring::<4>::empty();
         (0..7).for_each(|byte| ring.push(byte));
         assert_eq!(ring.lost(), 3);
         let mut out = [0; 8];
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn the_counters_wrap_without_harm() {
-        let ring = Ring::<4>::EMPTY;
+        let ring = Ring::<4>::empty();
         ring.written.store(u32::MAX - 1, Ordering::Relaxed);
         ring.read.store(u32::MAX - 1, Ordering::Relaxed);
         (1..=4).for_each(|byte| ring.push(byte));

@@ -2,6 +2,7 @@
 
 use crate::board::{self, stack};
 use crate::ring::Ring;
+use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::wire::native::MAX_FRAME;
@@ -31,6 +32,10 @@ impl Worker {
         acknowledge: board::Acknowledge,
         cycles: board::Cycles,
     ) -> Self {
+        // In force until a configuration frame comes before the first epoch.
+        if monitor.configure(&Config::PRESET).is_err() {
+            defmt::error!("the preset is not legal: every epoch will be unavailable");
+        }
         Self {
             monitor,
             received,

@@ -13,7 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{campaign, report, simulate};
+use surefix_host_tests::{campaign, output, report, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -75,9 +75,22 @@ struct ReplayArguments {
     /// Where the monitor runs
     #[arg(long, value_enum, default_value = "host")]
     on: Machine,
-    /// Directory to write epochs.csv, errors.csv and summary.json to
+    /// Which verdicts to print as they come
+    #[arg(long, value_enum, default_value = "changes")]
+    print: Print,
+    /// Directory to write epochs.csv, errors.csv, summary.json and report.html to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
+}
+
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum Print {
+    /// None
+    Nothing,
+    /// The first, and each that differs from the one before
+    Changes,
+    /// Each
+    Epochs,
 }
 
 fn triple(name: &str, text: &str) -> Result<[f64; 3]> {
@@ -135,9 +148,28 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
         ProgressStyle::with_template("{bar:40} {pos}/{len} epochs, {eta} left")
             .context("progress bar")?,
     );
-    let result = replay::run(&options, &mut |done, all| {
+    let mut printed = 0;
+    let mut last = None;
+    let result = replay::run(&options, &mut |reports, all| {
         bar.set_length(all);
-        bar.set_position(done);
+        bar.set_position(reports.len() as u64);
+        for report in reports.get(printed..).unwrap_or_default() {
+            let state = (
+                report.verdict.integrity,
+                report.verdict.reason,
+                report.verdict.excluded,
+            );
+            let wanted = match arguments.print {
+                Print::Nothing => false,
+                Print::Changes => last != Some(state),
+                Print::Epochs => true,
+            };
+            last = Some(state);
+            if wanted {
+                bar.suspend(|| println!("{}", output::epoch_line(report)));
+            }
+        }
+        printed = reports.len();
     })?;
     bar.finish_and_clear();
     replay::write(&options, &result, &arguments.out)?;
@@ -202,7 +234,7 @@ fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
     for (cause, count) in &result.losses {
         println!("input: {cause} {count}");
     }
-    println!("written: {}", arguments.out.display());
+    println!("report: {}", arguments.out.join("report.html").display());
 }
 
 fn main() -> ExitCode {

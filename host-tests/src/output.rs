@@ -115,6 +115,32 @@ pub fn epoch_row(report: &EpochReport) -> String {
     line
 }
 
+/// One epoch as a line to read while it happens.
+pub fn epoch_line(report: &EpochReport) -> String {
+    let verdict = &report.verdict;
+    let level = |level: ProtectionLevel| {
+        level
+            .bound_m()
+            .map_or("      -".into(), |bound_m| format!("{bound_m:5.1} m"))
+    };
+    let mut line = format!(
+        "t {:8.1} s  {:11}  HPL {}  VPL {}  {:2} satellites",
+        t_s(report),
+        verdict.integrity.name(),
+        level(verdict.hpl),
+        level(verdict.vpl),
+        report.used.len(),
+    );
+    if !verdict.excluded.is_empty() {
+        let names: Vec<String> = verdict.excluded.iter().map(|s| s.to_string()).collect();
+        line += &format!("  without {}", names.join("+"));
+    }
+    if verdict.reason != Reason::None {
+        line += &format!("  {}", verdict.reason.name());
+    }
+    line
+}
+
 /// `epochs.csv`.
 pub fn epochs_csv(reports: &[EpochReport]) -> String {
     let mut text = String::with_capacity(256 * (reports.len() + 1));

@@ -215,11 +215,15 @@ impl ReplayResult {
     }
 }
 
-/// Replays a recording in memory; `progress` hears epochs done and epochs in all.
+/// Replays a recording in memory; `progress` sees the reports so far, as they come, and hears how many
+/// epochs there are in all.
 ///
 /// # Errors
 /// When an input is unusable, or the emulator cannot be run; the message tells what to do.
-pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Result<ReplayResult> {
+pub fn run(
+    options: &ReplayOptions,
+    progress: &mut dyn FnMut(&[EpochReport], u64),
+) -> Result<ReplayResult> {
     if let Err(error) = options.config.check() {
         bail!("the configuration is not legal: {error:?}");
     }
@@ -238,7 +242,7 @@ pub fn run(options: &ReplayOptions, progress: &mut dyn FnMut(u64, u64)) -> Resul
     };
     executor.run(&stream.bytes, &mut |piece| {
         reader.push(piece);
-        progress(reader.reports.len() as u64, info.epochs);
+        progress(&reader.reports, info.epochs);
     })?;
 
     let mut losses = info.losses.clone();
@@ -314,7 +318,7 @@ struct ConfigSummary {
     max_exclusions: u8,
 }
 
-/// Writes `epochs.csv`, `errors.csv` (with a truth) and `summary.json` into `directory`.
+/// Writes `epochs.csv`, `errors.csv` (with a truth), `summary.json` and `report.html` into `directory`.
 ///
 /// # Errors
 /// When the directory or a file cannot be written.
@@ -371,5 +375,7 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         skipped: &result.info.skipped,
         counters: result.counters.rows().collect(),
     };
-    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")
+    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")?;
+    crate::report::write(directory)?;
+    Ok(())
 }

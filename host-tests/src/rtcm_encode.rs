@@ -22,6 +22,10 @@ use surefix_core::time::{
 };
 
 /// π of the broadcast messages: what turns semicircles into radians. [IS-GPS-200] 20.3.3.4.3.
+#[expect(
+    clippy::approx_constant,
+    reason = "the documents give these digits, and ephemerides are fitted with them"
+)]
 const PI: f64 = 3.141_592_653_589_8;
 /// Metres in a light-millisecond, the unit of MSM ranges.
 const LIGHT_MS_M: f64 = SPEED_OF_LIGHT_MPS / 1000.0;

@@ -54,6 +54,8 @@ fn simulated() -> Vec<u8> {
         noise_free: false,
         dual_frequency: false,
         no_troposphere: false,
+        ionosphere: simulate::atmosphere::Ionosphere::None,
+        faults: Vec::new(),
     })
     .unwrap();
     simulation.rtcm3

@@ -171,14 +171,25 @@ fn a_fault_is_on_its_satellite_and_on_no_other() {
 }
 
 #[test]
+fn a_fault_that_touches_nothing_is_refused_with_the_satellites_in_view() {
+    let mut args = args(Flight::Approach, 5);
+    args.duration = Some(20.0);
+    for spec in ["G05:step:50:0:10", "C22:step:50:60:100"] {
+        args.faults = vec![spec.parse().unwrap()];
+        let message = simulate(&args).unwrap_err().to_string();
+        assert!(message.contains("in view are G03"), "{message}");
+    }
+}
+
+#[test]
 fn a_scenario_file_says_what_was_simulated() {
     let mut args = args(Flight::Approach, 5);
-    args.duration = Some(2.0);
-    args.faults = vec!["C25:ramp:0.5:10:20:rr".parse().unwrap()];
+    args.duration = Some(12.0);
+    args.faults = vec!["C22:ramp:0.5:10:20:rr".parse().unwrap()];
     let text = simulate(&args).unwrap().scenario_toml;
     let scenario: toml::Table = text.parse().unwrap();
-    assert_eq!(scenario["epochs"].as_integer(), Some(3));
-    assert_eq!(scenario["faults"][0]["satellite"].as_str(), Some("C25"));
+    assert_eq!(scenario["epochs"].as_integer(), Some(13));
+    assert_eq!(scenario["faults"][0]["satellite"].as_str(), Some("C22"));
     assert_eq!(
         scenario["faults"][0]["magnitude_mps"]
             .as_float()

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use proptest::prelude::*;
 use rtcm_rs::{Message as Peer, next_msg_frame};
 use surefix_core::gnss::{Ephemeris, ObservationEpoch, Satellite, System};
 use surefix_core::ingest::{Event, Ingest};
@@ -712,4 +713,65 @@ fn satellites_of_the_first_epoch_are_those_rtcm_rs_lists() {
         })
         .collect();
     assert_eq!(found, expected);
+}
+
+/// The frame of an MSM with these masks and random bits in every data field.
+fn random_msm(
+    number: u16,
+    epoch_ms: u32,
+    satellites: &BTreeSet<u8>,
+    signals: &BTreeSet<u8>,
+    noise: &[u8],
+) -> Vec<u8> {
+    let mut bits: Vec<bool> = Vec::new();
+    let mut put = |value: u64, width: u32| {
+        bits.extend((0..width).rev().map(|bit| value >> bit & 1 == 1));
+    };
+    put(number.into(), 12);
+    put(77, 12);
+    put(epoch_ms.into(), 30);
+    put(u64::from(epoch_ms & 1), 1);
+    put(0, 18);
+    put(satellites.iter().map(|s| 1 << (64 - s)).sum(), 64);
+    put(signals.iter().map(|s| 1 << (32 - s)).sum(), 32);
+    bits.extend(
+        noise
+            .iter()
+            .flat_map(|byte| (0..8).map(move |bit| byte >> bit & 1 == 1)),
+    );
+    let content: Vec<u8> = bits
+        .chunks(8)
+        .map(|chunk| {
+            chunk
+                .iter()
+                .enumerate()
+                .map(|(i, bit)| u8::from(*bit) << (7 - i))
+                .sum()
+        })
+        .collect();
+    let mut frame = vec![0xD3, (content.len() >> 8) as u8, content.len() as u8];
+    frame.extend(&content);
+    let crc = surefix_core::wire::crc::crc24q(&frame);
+    frame.extend(&crc.to_be_bytes()[1..]);
+    frame
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// MSM4 to MSM7 of every system with every value a field can have, also those the recordings lack.
+    #[test]
+    fn messages_of_random_bits_agree_with_rtcm_rs(
+        number in prop::sample::select(vec![1074_u16, 1075, 1076, 1077, 1094, 1095, 1096, 1097, 1124, 1125, 1126, 1127]),
+        epoch_ms in 0_u32..604_800_000,
+        satellites in prop::collection::btree_set(1_u8..=64, 1..=16),
+        // Numbers that all three systems assign.
+        signals in prop::collection::btree_set(prop::sample::select(vec![2_u8, 3, 4, 8, 9, 10, 15, 16, 22, 23, 24]), 1..=4),
+        noise in prop::collection::vec(prop_oneof![4 => any::<u8>(), 1 => Just(0), 1 => Just(0xFF)], 960),
+    ) {
+        let mut compared = Compared::default();
+        let frame = random_msm(number, epoch_ms, &satellites, &signals, &noise);
+        compare("random bits", &frame, &mut compared);
+        prop_assert_eq!(compared.msm.get(&number), Some(&1));
+    }
 }

@@ -12,8 +12,9 @@ use crate::{Failure, Result, images, setup};
 /// Where the demo writes, inside the workspace.
 const FOLDER: &str = "out/demo";
 
-/// A ramp of 1 m/s on the pseudorange of one satellite, from 90 s after the start to 180 s.
-const FAULT: &str = "G05:ramp:1:90:180";
+/// A ramp of 0.5 m/s on the pseudorange of one satellite, from 90 s after the start to 200 s. The
+/// simulator puts it into the bytes the receiver sends.
+const FAULT: &str = "G04:ramp:0.5:90:200";
 
 /// Simulates, streams the bytes into the board, and ends with the report's path.
 pub fn run(workspace: &Workspace) -> Result {
@@ -23,7 +24,18 @@ pub fn run(workspace: &Workspace) -> Result {
 
     surefix(
         workspace,
-        &["simulate", "approach", "--seed", "1", "--out", FOLDER],
+        &[
+            "simulate",
+            "approach",
+            "--seed",
+            "1",
+            "--ionosphere",
+            "klobuchar",
+            "--fault",
+            FAULT,
+            "--out",
+            FOLDER,
+        ],
     )?;
     let receiver = format!("{FOLDER}/receiver.rtcm3");
     let truth = format!("{FOLDER}/truth.csv");
@@ -31,7 +43,7 @@ pub fn run(workspace: &Workspace) -> Result {
     surefix(
         workspace,
         &[
-            "replay", "--gnss", &receiver, "--truth", &truth, "--fault", FAULT, "--on", "qemu",
+            "replay", "--gnss", &receiver, "--truth", &truth, "--phase", "lpv200", "--on", "qemu",
             "--out", &results,
         ],
     )?;

@@ -10,7 +10,7 @@ use crate::ring::Ring;
 use core::cell::UnsafeCell;
 use defmt::Encoder;
 
-static LOG: Ring<4096> = Ring::EMPTY;
+static LOG: Ring<4096> = Ring::empty();
 
 /// Log bytes that found no room.
 pub fn lost() -> u32 {

@@ -8,7 +8,7 @@ use surefix_core::monitor::Monitor;
 pub const RECEIVED_CAPACITY: usize = 16384;
 
 /// Receiver bytes between interrupt and worker.
-pub static RECEIVED: Ring<RECEIVED_CAPACITY> = Ring::EMPTY;
+pub static RECEIVED: Ring<RECEIVED_CAPACITY> = Ring::empty();
 
 /// All state of surefix; one task takes it.
 // SAFETY: the section is a data section that the board fills before `main` (h743/start.rs).

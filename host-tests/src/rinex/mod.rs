@@ -9,7 +9,7 @@
 //! counted and skipped, never guessed.
 //!
 //! Source: [RINEX-4.02] and [RINEX-3.05]; the compression after [HATANAKA-2008]. Why this is not a
-//! crate: docs/decisions/020-rinex.md.
+//! crate: docs/decisions/004-rinex.md.
 
 mod crinex;
 mod fields;

@@ -19,8 +19,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
-use surefix_core::gnss::System;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
+use surefix_core::gnss::{SatelliteSet, System};
 use surefix_core::ingest::encode_klobuchar;
 use surefix_core::time::{GpsTime, NS_PER_S};
 
@@ -129,6 +129,8 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
     };
     let mut sent = Vec::new();
     let mut first = None;
+    let mut in_view = SatelliteSet::EMPTY;
+    let mut without_effect = args.faults.clone();
     for epoch in epochs(args)? {
         let time = epoch.observations.time;
         let start = *first.get_or_insert(time);
@@ -157,6 +159,23 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
             })?);
         truth_row(&mut simulation.truth_csv, &epoch, time.seconds_since(start))?;
         simulation.epochs += 1;
+        let t_s = time.seconds_since(start);
+        for observation in &epoch.observations.satellites {
+            in_view.insert(observation.satellite);
+            without_effect.retain(|fault| {
+                fault.satellite != observation.satellite || t_s < fault.t0_s || t_s >= fault.t1_s
+            });
+        }
+    }
+    if let Some(fault) = without_effect.first() {
+        let names: Vec<String> = in_view.iter().map(|s| s.to_string()).collect();
+        bail!(
+            "the fault on {} touches no epoch: the satellite is not in view from {} s to {} s; in view are {}",
+            fault.satellite,
+            fault.t0_s,
+            fault.t1_s,
+            names.join(" ")
+        );
     }
     simulation.scenario_toml = scenario_toml(args, simulation.epochs);
     Ok(simulation)

@@ -1,0 +1,35 @@
+//! Executed instructions and stack per stage, on the emulated board, for `cargo xtask bench`.
+//!
+//! QEMU runs with `-icount shift=6,sleep=off`: 64 ns of the board's time per instruction, so its
+//! 25 MHz timer counts instructions exactly, the same in every run. Each row is the median and the
+//! worst of several skies, one line over semihosting, `-` where there is nothing:
+//!
+//! `row stage n_sats n_states filters instr_median instr_worst stack_b`
+//!
+//! `n_states` is the number of unknowns, three of position and one per constellation.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+#[cfg(target_os = "none")]
+mod measure;
+#[cfg(target_os = "none")]
+mod messages;
+#[cfg(target_os = "none")]
+mod sky;
+#[cfg(target_os = "none")]
+mod stages;
+
+#[cfg(not(target_os = "none"))]
+fn main() {}
+
+#[cfg(target_os = "none")]
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    use cortex_m_semihosting::{debug, hprintln};
+
+    hprintln!("executed instructions, and bytes of stack");
+    surefix_firmware::board::start();
+    stages::all();
+    loop {
+        debug::exit(debug::EXIT_SUCCESS);
+    }
+}

@@ -1,0 +1,84 @@
+//! Counting, and the rows.
+
+use cortex_m_semihosting::{debug, hprintln};
+use surefix_firmware::board::{instructions, stack, ticks};
+
+/// Skies per row.
+pub const RUNS: usize = 15;
+
+/// Executed instructions of `work`, without those of counting.
+#[inline(never)]
+pub fn count(work: impl FnOnce()) -> u32 {
+    let begin = ticks();
+    let empty = ticks();
+    work();
+    let end = ticks();
+    let overhead = empty.wrapping_sub(begin);
+    instructions(u64::from(end.wrapping_sub(empty).wrapping_sub(overhead))) as u32
+}
+
+/// The figures of one row while they are gathered.
+pub struct Row {
+    counts: [u32; RUNS],
+    filled: usize,
+    stack_b: usize,
+}
+
+impl Row {
+    /// No figure yet.
+    pub const fn new() -> Self {
+        Self {
+            counts: [0; RUNS],
+            filled: 0,
+            stack_b: 0,
+        }
+    }
+
+    /// Measures one run of `work` in place of whatever it returns.
+    pub fn run(&mut self, work: impl FnOnce()) {
+        let mut counted = 0;
+        let stack_b = stack::bytes_used_by(|| counted = count(work));
+        self.stack_b = self.stack_b.max(stack_b);
+        if let Some(place) = self.counts.get_mut(self.filled) {
+            *place = counted;
+            self.filled += 1;
+        }
+    }
+
+    /// Prints the row.
+    pub fn print(mut self, stage: &str, n_sats: usize, n_unknowns: Option<usize>) {
+        let counts = &mut self.counts[..self.filled];
+        counts.sort_unstable();
+        let (Some(median), Some(worst)) = (counts.get(counts.len() / 2), counts.last()) else {
+            return;
+        };
+        let stack_b = self.stack_b;
+        match n_unknowns {
+            Some(m) => hprintln!(
+                "row {} {} {} - {} {} {}",
+                stage,
+                n_sats,
+                m,
+                median,
+                worst,
+                stack_b
+            ),
+            None => hprintln!(
+                "row {} {} - - {} {} {}",
+                stage,
+                n_sats,
+                median,
+                worst,
+                stack_b
+            ),
+        }
+    }
+}
+
+/// Ends the run as failed when what is measured does not do its work.
+pub fn require(holds: bool, otherwise: &str) {
+    if !holds {
+        hprintln!("error: {}", otherwise);
+        debug::exit(debug::EXIT_FAILURE);
+    }
+}

@@ -1,0 +1,190 @@
+//! What is measured.
+
+use super::measure::{RUNS, Row, require};
+use super::messages;
+use super::sky::{self, Random};
+use core::hint::black_box;
+use static_cell::ConstStaticCell;
+use surefix_core::budget::{Ledger, NoCounter};
+use surefix_core::config::{Config, IonosphereModel, TroposphereModel};
+use surefix_core::gnss::solution::SnapshotWorkspace;
+use surefix_core::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use surefix_core::ingest::{Event, Ingest};
+use surefix_core::linalg::LinearModel;
+use surefix_core::linalg::qr::WhitenedQr;
+use surefix_core::raim::exclusion::{self, ExclusionWorkspace};
+use surefix_core::raim::ls::{self, LeastSquaresWorkspace};
+use surefix_core::raim::parity;
+use surefix_core::raim::slope::Sensitivity;
+use surefix_core::raim::thresholds::RaimTable;
+use surefix_core::snapshot::SnapshotMonitor;
+
+/// Satellites and constellations of the rows.
+const SKIES: [(usize, usize); 7] = [(6, 1), (8, 1), (12, 1), (16, 1), (24, 1), (24, 3), (48, 3)];
+
+/// A correction-free configuration, for pseudoranges that hold no atmosphere.
+const CONFIG: Config = Config {
+    ionosphere: IonosphereModel::None,
+    troposphere: TroposphereModel::None,
+    mask_rad: 0.1,
+    ..Config::PRESET
+};
+
+static INGEST: ConstStaticCell<Ingest> = ConstStaticCell::new(Ingest::EMPTY);
+static STORE: ConstStaticCell<EphemerisStore> = ConstStaticCell::new(EphemerisStore::EMPTY);
+static EPOCH: ConstStaticCell<ObservationEpoch> = ConstStaticCell::new(ObservationEpoch::EMPTY);
+static SNAPSHOT: ConstStaticCell<SnapshotWorkspace> =
+    ConstStaticCell::new(SnapshotWorkspace::EMPTY);
+static MONITOR: ConstStaticCell<SnapshotMonitor> = ConstStaticCell::new(SnapshotMonitor::EMPTY);
+static MODEL: ConstStaticCell<LinearModel> = ConstStaticCell::new(LinearModel::EMPTY);
+static QR: ConstStaticCell<WhitenedQr> = ConstStaticCell::new(WhitenedQr::EMPTY);
+static LS: ConstStaticCell<LeastSquaresWorkspace> =
+    ConstStaticCell::new(LeastSquaresWorkspace::EMPTY);
+static SENSITIVITY: ConstStaticCell<Sensitivity> = ConstStaticCell::new(Sensitivity::EMPTY);
+static EXCLUSION: ConstStaticCell<ExclusionWorkspace> =
+    ConstStaticCell::new(ExclusionWorkspace::EMPTY);
+static TABLE: ConstStaticCell<RaimTable> = ConstStaticCell::new(RaimTable::EMPTY);
+
+/// Measures every stage and prints its rows.
+pub fn all() {
+    decode();
+    solution();
+    raim();
+}
+
+/// From the first byte of a frame to the event it brings.
+fn decode() {
+    let ingest = INGEST.take();
+    ingest.configure(&Config {
+        reference_week: Some(2200),
+        ..Config::PRESET
+    });
+    let mut random = Random::new(1);
+    let mut bytes = [0; messages::CAPACITY];
+
+    let mut row = Row::new();
+    for run in 0..RUNS {
+        let length = messages::gps_ephemeris(&mut random, 1 + run as u8, &mut bytes);
+        let mut decoded = false;
+        row.run(|| {
+            let (_, event) = ingest.push(black_box(&bytes[..length]));
+            decoded = matches!(event, Event::Ephemeris(_));
+        });
+        require(decoded, "the ephemeris was refused");
+    }
+    row.print("decode/ephemeris", 1, None);
+
+    let mut tow_ms = 345_600_000;
+    for (n, clocks) in SKIES {
+        if clocks > 1 {
+            continue;
+        }
+        let mut row = Row::new();
+        for _ in 0..RUNS {
+            tow_ms += 1000;
+            let length = messages::msm7(&mut random, n, tow_ms, &mut bytes);
+            let mut used = 0;
+            let mut event = Event::Nothing;
+            row.run(|| (used, event) = ingest.push(black_box(&bytes[..length])));
+            require(
+                event == Event::EpochReady && ingest.epoch().satellites.len() == n,
+                "the epoch was refused",
+            );
+        }
+        row.print("decode/msm7", n, None);
+    }
+}
+
+/// From an epoch to a position, and the whole monitor of an epoch.
+fn solution() {
+    let (store, epoch) = (STORE.take(), EPOCH.take());
+    let (workspace, monitor) = (SNAPSHOT.take(), MONITOR.take());
+    let ionosphere = BroadcastIonosphere::EMPTY;
+    require(
+        monitor.configure(&CONFIG).is_ok(),
+        "the configuration is legal",
+    );
+    let mut ledger = Ledger::EMPTY;
+    let mut random = Random::new(2);
+    for (n, clocks) in SKIES {
+        let (mut satellites, mut first, mut next) = (Row::new(), Row::new(), Row::new());
+        let mut whole = Row::new();
+        for _ in 0..RUNS {
+            sky::observed(&mut random, n, clocks, store, epoch);
+            require(epoch.satellites.len() == n, "a satellite is missing");
+            satellites.run(|| {
+                workspace.prepare(black_box(epoch), store, &ionosphere, black_box(&CONFIG));
+            });
+            let mut solved = 0;
+            first.run(|| {
+                let solution = workspace.solve(SatelliteSet::EMPTY, black_box(None));
+                solved += solution.map_or(0, |solution| solution.used.len());
+            });
+            next.run(|| {
+                let near = sky::RECEIVER_E_M.map(|x| x + 10.0);
+                let solution = workspace.solve(SatelliteSet::EMPTY, black_box(Some(near)));
+                solved += solution.map_or(0, |solution| solution.used.len());
+            });
+            require(solved == 2 * n, "a position is missing");
+            whole.run(|| {
+                black_box(monitor.assess(epoch, store, &ionosphere, &mut ledger, &mut NoCounter));
+            });
+        }
+        let unknowns = Some(3 + clocks);
+        satellites.print("solution/satellites", n, unknowns);
+        first.print("solution/first_fix", n, unknowns);
+        next.print("solution/next_fix", n, unknowns);
+        whole.print("epoch/total", n, unknowns);
+    }
+}
+
+/// The tests on a linear model.
+fn raim() {
+    let (model, qr, table) = (MODEL.take(), QR.take(), TABLE.take());
+    let (least_squares, sensitivity, search) = (LS.take(), SENSITIVITY.take(), EXCLUSION.take());
+    require(table.fill(3.3333e-7, 1e-3).is_ok(), "the risks are legal");
+    let mut random = Random::new(3);
+    for (n, clocks) in SKIES {
+        let (mut test, mut with_levels, mut textbook) = (Row::new(), Row::new(), Row::new());
+        let mut excluding = Row::new();
+        for _ in 0..RUNS {
+            sky::model(&mut random, n, clocks, model);
+            let mut statistics = [0.0; 2];
+            test.run(|| {
+                black_box(parity::test(black_box(model), qr).is_ok());
+            });
+            with_levels.run(|| {
+                if let Ok(statistic) = parity::test(black_box(model), qr) {
+                    statistics[0] = statistic.sum_of_squares;
+                    sensitivity.fill(qr);
+                    let lambda = table.sqrt_noncentrality(n - 3 - clocks).unwrap_or_default();
+                    black_box(sensitivity.levels(lambda).is_ok());
+                }
+            });
+            textbook.run(|| {
+                if let Ok(statistic) = ls::test(black_box(model), least_squares) {
+                    statistics[1] = statistic.sum_of_squares;
+                }
+            });
+            let [parity, ls] = statistics;
+            require(
+                parity > 0.0 && libm::fabs(parity - ls) < 1e-6 * parity,
+                "the two tests disagree",
+            );
+            // One fault far outside the noise: what an alarm costs.
+            if let Some(residual_m) = model.residual_m.get_mut(n / 2) {
+                *residual_m += 300.0;
+            }
+            if parity::test(model, qr).is_ok() {
+                excluding.run(|| {
+                    black_box(exclusion::identify(qr, table, 3, search).is_ok());
+                });
+            }
+        }
+        let unknowns = Some(3 + clocks);
+        test.print("raim/parity_test", n, unknowns);
+        with_levels.print("raim/parity", n, unknowns);
+        textbook.print("raim/ls", n, unknowns);
+        excluding.print("raim/exclusion", n, unknowns);
+    }
+}
