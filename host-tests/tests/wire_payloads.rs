@@ -76,7 +76,7 @@ fn ephemeris() -> impl Strategy<Value = Ephemeris> {
     (
         (satellite(), any::<bool>(), time(), time(), 0..604_800_u32),
         (any::<u16>(), any::<u16>(), 1.0..8192.0, 0.0..0.5),
-        proptest::array::uniform5(-6.28..6.28_f64),
+        proptest::array::uniform5(-6.2..6.2_f64),
         proptest::array::uniform12(small()),
         proptest::option::of(0.0..6144.0),
     )

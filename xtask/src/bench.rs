@@ -3,7 +3,8 @@
 //!
 //! The image measures itself with a timer under QEMU's instruction clock (`-icount`), so a figure
 //! is a count of instructions, the same in every run, and not a time. It prints one line per row,
-//! `row stage n_sats n_states filters instr_median instr_worst stack_b`, `-` where there is nothing.
+//! `row stage n_sats n_states filters instr_median instr_worst stack_b [pass]`, `-` where there is
+//! nothing; `pass` is the number of one measured pass of that row, counted from 0 over all rows.
 
 use std::fmt::Write;
 use std::fs;
@@ -23,12 +24,15 @@ const RUN_LIMIT: Duration = Duration::from_secs(240);
 const LEAST_SQUARES: &str = "raim/ls";
 const PARITY: &str = "raim/parity";
 
-/// Executed instructions that a stage may take: what plain C takes for the same work.
+/// Executed instructions that a stage may take with one constellation (three unknowns of position
+/// and one clock): what plain C takes for the same work.
 const BARS: [Bar; 3] = [
     Bar::new(PARITY, 8, 7_300),
     Bar::new(PARITY, 12, 15_000),
     Bar::new(PARITY, 24, 54_000),
 ];
+
+const ONE_CLOCK: Option<u64> = Some(4);
 
 /// What [P1] claims the least-squares residual method costs more than the parity method.
 const CLAIMED_RATIO: f64 = 2.7;
@@ -62,6 +66,8 @@ struct Row {
     stack_b: Option<u64>,
     ram_b: Option<u64>,
     text_b: Option<u64>,
+    /// One of the passes it was measured in.
+    pass: Option<u64>,
 }
 
 /// What the command line asks for.
@@ -142,10 +148,11 @@ fn counted(workspace: &Workspace, image: &Path, counter: &Counter) -> Result<Vec
         }
     };
     let mut rows = parse(&printed)?;
-    if let Some(counts) = counter.per_row(rows.len()) {
-        for (row, count) in rows.iter_mut().zip(counts) {
-            row.f64_ops = Some(count);
-        }
+    let passes = counter.passes();
+    for row in &mut rows {
+        row.f64_ops = row
+            .pass
+            .and_then(|pass| passes.get(usize::try_from(pass).ok()?).copied());
     }
     Ok(rows)
 }
@@ -234,12 +241,17 @@ fn row(fields: &str) -> Option<Row> {
         stack_b: number()?,
         ..Row::default()
     };
-    words.next().is_none().then_some(row)
+    let pass = match words.next() {
+        Some(digits) => Some(digits.parse().ok()?),
+        None => None,
+    };
+    words.next().is_none().then_some(Row { pass, ..row })
 }
 
+/// The row of a stage for a sky with one constellation.
 fn find<'a>(rows: &'a [Row], stage: &str, n_sats: u64) -> Option<&'a Row> {
     rows.iter()
-        .find(|row| row.stage == stage && row.n_sats == Some(n_sats))
+        .find(|row| row.stage == stage && row.n_sats == Some(n_sats) && row.n_states == ONE_CLOCK)
 }
 
 /// The rows, then the ratio of the two tests.
@@ -273,7 +285,10 @@ fn table(rows: &[Row]) -> String {
         text.push('\n');
     }
     text.push_str("median and worst: executed instructions on the emulated Cortex-M7\n\n");
-    for row in rows.iter().filter(|row| row.stage == PARITY) {
+    for row in rows {
+        if row.stage != PARITY || row.n_states != ONE_CLOCK {
+            continue;
+        }
         let Some(n_sats) = row.n_sats else { continue };
         let least_squares = find(rows, LEAST_SQUARES, n_sats).and_then(|row| row.instr_median);
         if let (Some(parity), Some(least_squares)) = (row.instr_median, least_squares) {
@@ -361,16 +376,17 @@ fn quoted(text: &str) -> String {
 mod tests {
     use super::*;
 
-    const PRINTED: &str = "surefix benchmark\nrow raim/ls 8 - - 14000 14100 900\n\
-        row raim/parity 8 - - 7000 7200 800\nrow raim/parity 12 - - 14000 14500 -\n\
-        row raim/parity 24 - - 50000 54001 -\n";
+    const PRINTED: &str = "surefix benchmark\nrow raim/ls 8 4 - 14000 14100 900\n\
+        row raim/parity 8 4 - 7000 7200 800\nrow raim/parity 12 4 - 14000 14500 -\n\
+        row raim/parity 24 4 - 50000 54001 -\nrow raim/parity 24 6 - 60000 60001 -\n\
+        row decode 8 - - 5 5 -\n";
 
     #[test]
     fn rows_are_read_and_other_lines_ignored() {
         let rows = parse(PRINTED).unwrap();
-        assert_eq!(rows.len(), 4);
+        assert_eq!(rows.len(), 6);
         assert_eq!(rows[0].instr_worst, Some(14_100));
-        assert_eq!(rows[0].n_states, None);
+        assert_eq!(rows[5].n_states, None);
         assert!(parse("row raim/ls 8 x - 1 1 1").is_err());
         assert!(parse("row raim/ls 8").is_err());
         assert!(parse("panicked").is_err());
@@ -407,7 +423,9 @@ mod tests {
             text.starts_with("{\"rustc\":\"rustc \\\"x\\\"\\\\\",\"rows\":["),
             "{text}"
         );
-        assert!(text.contains("\"stage\":\"raim/ls\",\"n_sats\":8,\"n_states\":null"));
+        assert!(
+            text.contains("\"stage\":\"raim/ls\",\"n_sats\":8,\"n_states\":4,\"filters\":null")
+        );
         assert!(text.contains("\"stack_b\":900,\"ram_b\":null"));
     }
 

@@ -72,35 +72,9 @@ impl Counter {
         qemu.args(["-plugin", &self.argument]);
     }
 
-    /// The largest count of each row, when every row was measured equally often.
-    pub fn per_row(&self, rows: usize) -> Option<Vec<u64>> {
-        per_row(&fs::read_to_string(&self.counts).ok()?, rows)
-    }
-}
-
-fn per_row(text: &str, rows: usize) -> Option<Vec<u64>> {
-    let passes: Vec<u64> = text
-        .lines()
-        .map(|line| line.parse().ok())
-        .collect::<Option<_>>()?;
-    if rows == 0 || passes.is_empty() || !passes.len().is_multiple_of(rows) {
-        return None;
-    }
-    passes
-        .chunks(passes.len() / rows)
-        .map(|passes| passes.iter().max().copied())
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn passes_are_shared_out_evenly_or_not_at_all() {
-        assert_eq!(per_row("1\n2\n5\n4\n", 2), Some(vec![2, 5]));
-        assert_eq!(per_row("1\n2\n5\n", 2), None);
-        assert_eq!(per_row("", 2), None);
-        assert_eq!(per_row("x\n", 1), None);
+    /// The count of every pass, in order.
+    pub fn passes(&self) -> Vec<u64> {
+        let text = fs::read_to_string(&self.counts).unwrap_or_default();
+        text.lines().map_while(|line| line.parse().ok()).collect()
     }
 }

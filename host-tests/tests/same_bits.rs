@@ -1,0 +1,112 @@
+//! Whole recordings give the same `epochs.csv` on this machine and on the emulated Cortex-M7, byte for
+//! byte: what replays here show is true there.
+
+mod common;
+
+use std::path::Path;
+
+use surefix_core::config::Config;
+use surefix_core::gnss::System;
+use surefix_core::gnss::satellite::SystemSet;
+use surefix_core::integrity::{Integrity, Phase};
+use surefix_host_tests::output::epochs_csv;
+use surefix_host_tests::qemu::image;
+use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult};
+use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
+
+/// Replays on both machines, compares the files, and gives the result of this one; `None`, said
+/// aloud, where there is no emulator.
+fn on_both(mut options: ReplayOptions) -> Option<ReplayResult> {
+    if let Some(missing) = image::missing() {
+        eprintln!("SKIPPED: {missing}");
+        return None;
+    }
+    options.machine = Machine::Host;
+    let here = replay::run(&options, &mut |_, _| {}).unwrap();
+    options.machine = Machine::Qemu;
+    let there = replay::run(&options, &mut |_, _| {}).unwrap();
+    let (here_csv, there_csv) = (epochs_csv(&here.reports), epochs_csv(&there.reports));
+    for (number, (a, b)) in here_csv.lines().zip(there_csv.lines()).enumerate() {
+        assert_eq!(a, b, "line {} of epochs.csv", number + 1);
+    }
+    assert_eq!(here_csv.len(), there_csv.len());
+    assert_eq!(here.counters, there.counters);
+    eprintln!(
+        "{}: {} epochs, {} bytes of epochs.csv, equal on both machines",
+        options.gnss.display(),
+        here.reports.len(),
+        here_csv.len()
+    );
+    Some(here)
+}
+
+fn gps_bds() -> Config {
+    Config {
+        systems: SystemSet::EMPTY.with(System::Gps).with(System::Bds),
+        ..Config::PRESET
+    }
+}
+
+#[test]
+fn four_hours_at_esbjerg() {
+    let folder = "data/esbc-2020-177";
+    let Some(gnss) = common::shared(&format!("{folder}/ESBC_2020177_0000-0400.rnx")) else {
+        return;
+    };
+    let nav = common::shared(&format!("{folder}/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"));
+    let mut options = ReplayOptions::new(gnss);
+    options.nav.extend(nav);
+    options.config = gps_bds();
+    if let Some(result) = on_both(options) {
+        assert_eq!(result.summary.epochs_with_position, 480);
+    }
+}
+
+#[test]
+fn rtcm3_across_a_week_rollover() {
+    let Some(gnss) =
+        common::shared("data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3")
+    else {
+        return;
+    };
+    let mut options = ReplayOptions::new(gnss);
+    options.config = gps_bds();
+    if let Some(result) = on_both(options) {
+        assert_eq!(result.summary.epochs, 1134);
+    }
+}
+
+/// The flight of `cargo xtask demo`.
+#[test]
+fn an_approach_with_a_faulty_satellite() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_approach");
+    simulate::run(&simulate::Args {
+        name: Flight::Approach,
+        seed: 1,
+        out: folder.clone(),
+        rate_hz: 1.0,
+        duration: None,
+        noise_free: false,
+        dual_frequency: false,
+        no_troposphere: false,
+        ionosphere: Ionosphere::Klobuchar,
+        faults: vec!["G04:ramp:0.5:90:200".parse().unwrap()],
+    })
+    .unwrap();
+    let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));
+    options.config = Config {
+        phase: Phase::Lpv200,
+        ..Config::PRESET
+    };
+    let Some(result) = on_both(options) else {
+        return;
+    };
+    let excluded: Vec<String> = result
+        .reports
+        .iter()
+        .filter(|report| report.verdict.integrity == Integrity::Excluded)
+        .flat_map(|report| report.verdict.excluded.iter().map(|s| s.to_string()).collect::<Vec<_>>())
+        .collect();
+    assert!(excluded.len() > 60, "{excluded:?}");
+    assert!(excluded.iter().all(|name| name == "G04"), "{excluded:?}");
+}
