@@ -12,9 +12,7 @@ use surefix_core::integrity::Integrity;
 use surefix_core::snapshot::SnapshotMonitor;
 use surefix_core::time::NS_PER_S;
 use surefix_host_tests::campaign::{self, StepsOptions};
-use surefix_host_tests::output;
-use surefix_host_tests::qemu::image;
-use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult};
+use surefix_host_tests::replay::{self, ReplayOptions, ReplayResult};
 use surefix_host_tests::source::{Item, Recording};
 
 fn gps_bds() -> Config {
@@ -301,35 +299,4 @@ fn six_impulses_of_12_m_are_found_and_nothing_else() {
     }
     assert_eq!(number, 2880);
     assert_eq!(found, [200, 400, 600, 800, 1000, 1200]);
-}
-
-/// Issue 2, acceptance 5: `epochs.csv` of the emulated board, to the byte.
-#[test]
-fn the_board_gives_the_same_epochs_csv() {
-    if let Some(missing) = image::missing() {
-        eprintln!("SKIPPED: {missing}");
-        return;
-    }
-    let hours = common::shared("data/esbc-2020-177/ESBC_2020177_0000-0400.rnx")
-        .zip(esbc())
-        .map(|(hours, (_, navigation))| (hours, vec![navigation], vec!["G05:step:80:100:400"]));
-    let folder = "data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3";
-    let rollover = common::shared(folder).map(|recording| (recording, vec![], vec![]));
-    for (recording, nav, faults) in [hours, rollover].into_iter().flatten() {
-        let mut options = ReplayOptions::new(recording);
-        options.nav = nav;
-        options.config = gps_bds();
-        // A fault on the one, so that exclusion runs too; the other's bytes as recorded.
-        options.faults = faults.iter().map(|fault| fault.parse().unwrap()).collect();
-        let here = run(&options);
-        options.machine = Machine::Qemu;
-        let board = run(&options);
-        let (here, board) = (
-            output::epochs_csv(&here.reports),
-            output::epochs_csv(&board.reports),
-        );
-        let differing = here.lines().zip(board.lines()).find(|(a, b)| a != b);
-        assert_eq!(differing, None, "{}", options.gnss.display());
-        assert_eq!(here.len(), board.len());
-    }
 }
