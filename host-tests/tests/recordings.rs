@@ -53,7 +53,6 @@ fn print(name: &str, result: &ReplayResult) {
     );
 }
 
-/// Issue 2, acceptance 1.
 #[test]
 fn a_day_at_esbjerg_is_accurate_bounded_and_free_of_alerts() {
     let Some((observations, navigation)) = esbc() else {
@@ -110,7 +109,6 @@ fn a_day_at_esbjerg_is_accurate_bounded_and_free_of_alerts() {
     }
 }
 
-/// Issue 2, acceptance 2, first part.
 #[test]
 fn rtcm3_bytes_across_a_week_rollover_give_positions_from_their_own_ephemerides() {
     let folder = "data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3";
@@ -148,7 +146,6 @@ fn rtcm3_bytes_across_a_week_rollover_give_positions_from_their_own_ephemerides(
     }
 }
 
-/// Issue 2, acceptance 2, second part.
 #[test]
 fn every_system_keeps_its_time_across_a_week_rollover() {
     let folder = "data/rtcm3-str1-week-rollover-2018/week-rollover-STR17.rtcm3";
@@ -186,7 +183,7 @@ fn every_system_keeps_its_time_across_a_week_rollover() {
     }
 }
 
-/// Issue 2, acceptance 4, a short version; the whole is `surefix campaign esbc-steps`.
+/// A short version; the whole is `surefix campaign esbc-steps`.
 #[test]
 fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
     let Some((observations, navigation)) = esbc() else {
@@ -230,7 +227,7 @@ fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
     assert_eq!(merged.cells, result.cells);
 }
 
-/// Issue 2, acceptance 4, last sentence. [P1] section 2 puts six impulses of 3σ = 12 m on a day of
+/// [P1] section 2 puts six impulses of 3σ = 12 m on a day of
 /// GPS at a reference station, one every 200 epochs. Here likewise, on the highest satellite; sigma
 /// is the model's, not the paper's 4 m, and P_FA that of the phase of flight.
 #[test]
