@@ -46,31 +46,33 @@ impl Row {
     }
 
     /// Prints the row.
-    pub fn print(mut self, stage: &str, n_sats: usize, n_unknowns: Option<usize>) {
+    pub fn print(mut self, stage: &str, n_sats: Option<usize>, n_unknowns: Option<usize>) {
         let counts = &mut self.counts[..self.filled];
         counts.sort_unstable();
         let (Some(median), Some(worst)) = (counts.get(counts.len() / 2), counts.last()) else {
             return;
         };
         let stack_b = self.stack_b;
-        match n_unknowns {
-            Some(m) => hprintln!(
-                "row {} {} {} - {} {} {}",
-                stage,
-                n_sats,
-                m,
-                median,
-                worst,
-                stack_b
-            ),
-            None => hprintln!(
-                "row {} {} - - {} {} {}",
-                stage,
-                n_sats,
-                median,
-                worst,
-                stack_b
-            ),
+        hprintln!(
+            "row {} {} {} - {} {} {}",
+            stage,
+            Dash(n_sats),
+            Dash(n_unknowns),
+            median,
+            worst,
+            stack_b
+        );
+    }
+}
+
+/// A number, or a dash for none.
+struct Dash(Option<usize>);
+
+impl core::fmt::Display for Dash {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.0 {
+            Some(number) => number.fmt(f),
+            None => f.write_str("-"),
         }
     }
 }

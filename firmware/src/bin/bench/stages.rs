@@ -72,7 +72,7 @@ fn decode() {
         });
         require(decoded, "the ephemeris was refused");
     }
-    row.print("decode/ephemeris", 1, None);
+    row.print("decode/ephemeris", None, None);
 
     let mut tow_ms = 345_600_000;
     for (n, clocks) in SKIES {
@@ -91,7 +91,7 @@ fn decode() {
                 "the epoch was refused",
             );
         }
-        row.print("decode/msm7", n, None);
+        row.print("decode/msm7", Some(n), None);
     }
 }
 
@@ -100,15 +100,16 @@ fn solution() {
     let (store, epoch) = (STORE.take(), EPOCH.take());
     let (workspace, monitor) = (SNAPSHOT.take(), MONITOR.take());
     let ionosphere = BroadcastIonosphere::EMPTY;
-    require(
-        monitor.configure(&CONFIG).is_ok(),
-        "the configuration is legal",
-    );
+    let mut configured = false;
+    let mut row = Row::new();
+    row.run(|| configured = monitor.configure(black_box(&CONFIG)).is_ok());
+    require(configured, "the configuration was refused");
+    row.print("configure", None, None);
     let mut ledger = Ledger::EMPTY;
     let mut random = Random::new(2);
     for (n, clocks) in SKIES {
         let (mut satellites, mut first, mut next) = (Row::new(), Row::new(), Row::new());
-        let mut whole = Row::new();
+        let (mut whole, mut faulted) = (Row::new(), Row::new());
         for _ in 0..RUNS {
             sky::observed(&mut random, n, clocks, store, epoch);
             require(epoch.satellites.len() == n, "a satellite is missing");
@@ -129,12 +130,20 @@ fn solution() {
             whole.run(|| {
                 black_box(monitor.assess(epoch, store, &ionosphere, &mut ledger, &mut NoCounter));
             });
+            let faulty = epoch.satellites.get_mut(n / 2);
+            if let Some(signal) = faulty.and_then(|satellite| satellite.signals.first_mut()) {
+                signal.pseudorange_m = signal.pseudorange_m.map(|m| m + 300.0);
+            }
+            faulted.run(|| {
+                black_box(monitor.assess(epoch, store, &ionosphere, &mut ledger, &mut NoCounter));
+            });
         }
         let unknowns = Some(3 + clocks);
-        satellites.print("solution/satellites", n, unknowns);
-        first.print("solution/first_fix", n, unknowns);
-        next.print("solution/next_fix", n, unknowns);
-        whole.print("epoch/total", n, unknowns);
+        satellites.print("solution/satellites", Some(n), unknowns);
+        first.print("solution/first_fix", Some(n), unknowns);
+        next.print("solution/next_fix", Some(n), unknowns);
+        whole.print("epoch/total", Some(n), unknowns);
+        faulted.print("epoch/with_fault", Some(n), unknowns);
     }
 }
 
@@ -142,7 +151,10 @@ fn solution() {
 fn raim() {
     let (model, qr, table) = (MODEL.take(), QR.take(), TABLE.take());
     let (least_squares, sensitivity, search) = (LS.take(), SENSITIVITY.take(), EXCLUSION.take());
-    require(table.fill(3.3333e-7, 1e-3).is_ok(), "the risks are legal");
+    require(
+        table.fill(3.3333e-7, 1e-3).is_ok(),
+        "the risks were refused",
+    );
     let mut random = Random::new(3);
     for (n, clocks) in SKIES {
         let (mut test, mut with_levels, mut textbook) = (Row::new(), Row::new(), Row::new());
@@ -177,14 +189,15 @@ fn raim() {
             }
             if parity::test(model, qr).is_ok() {
                 excluding.run(|| {
+                    sensitivity.fill(qr);
                     black_box(exclusion::identify(qr, table, 3, search).is_ok());
                 });
             }
         }
         let unknowns = Some(3 + clocks);
-        test.print("raim/parity_test", n, unknowns);
-        with_levels.print("raim/parity", n, unknowns);
-        textbook.print("raim/ls", n, unknowns);
-        excluding.print("raim/exclusion", n, unknowns);
+        test.print("raim/parity_test", Some(n), unknowns);
+        with_levels.print("raim/parity", Some(n), unknowns);
+        textbook.print("raim/ls", Some(n), unknowns);
+        excluding.print("raim/exclusion", Some(n), unknowns);
     }
 }
