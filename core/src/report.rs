@@ -98,7 +98,9 @@ pub struct EpochReport {
 }
 
 /// Bytes of a report frame, header and CRC included.
-pub const REPORT_FRAME_LENGTH: usize = 512;
+pub const REPORT_FRAME_LENGTH: usize = PAYLOAD_LENGTH + native::HEADER_LEN + native::TRAILER_LEN;
+/// Bytes of its payload.
+const PAYLOAD_LENGTH: usize = 217 + SATELLITE_REASONS;
 
 const HAS_FIX: u16 = 1 << 0;
 const HAS_VELOCITY: u16 = 1 << 1;
@@ -296,4 +298,85 @@ fn level(reader: &mut Reader<'_>) -> Result<ProtectionLevel, ReportError> {
         return Ok(ProtectionLevel::Bound(bound_m));
     }
     coded(code, |code| NoBound::from_u8(code.wrapping_sub(1))).map(ProtectionLevel::Unavailable)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gnss::Satellite;
+    use crate::wire::native::Frame;
+
+    fn report() -> EpochReport {
+        let mut used = SatelliteSet::EMPTY;
+        used.insert(Satellite::new(System::Bds, 60).unwrap());
+        used.insert(Satellite::new(System::Gps, 1).unwrap());
+        let mut excluded = SatelliteSet::EMPTY;
+        excluded.insert(Satellite::new(System::Galileo, 36).unwrap());
+        EpochReport {
+            time: GpsTime::from_week_tow_s(2420, 274_200),
+            since_first_ns: -1,
+            mode: Mode::Snapshot,
+            fix: Some(Fix {
+                r_e_m: [1.0, -2.0, 3.0],
+                lat_deg: 4.0,
+                lon_deg: -5.0,
+                h_m: 6.0,
+                velocity_enu_mps: Some([7.0, 8.0, 9.0]),
+                clock_m: [Some(10.0), None, Some(-0.1)],
+            }),
+            verdict: Verdict {
+                integrity: Integrity::Excluded,
+                reason: Reason::None,
+                hpl: ProtectionLevel::Bound(11.0),
+                vpl: ProtectionLevel::Unavailable(NoBound::NotFinite),
+                hal_m: 40.0,
+                val_m: Some(35.0),
+                excluded,
+                statistic: Some(12.0),
+                threshold: Some(13.0),
+            },
+            used,
+            n_observed: 14,
+            unused: [3; SATELLITE_REASONS],
+            flags: ReportFlags::from_bits(0b10101),
+        }
+    }
+
+    #[test]
+    fn a_report_comes_back_from_its_frame_as_it_was() {
+        let mut none = report();
+        none.fix = None;
+        none.verdict = Verdict::unavailable(Reason::TooFewSatellites, 556.0, None);
+        for report in [report(), none] {
+            let mut bytes = [0; REPORT_FRAME_LENGTH];
+            assert_eq!(encode(&report, &mut bytes), Ok(REPORT_FRAME_LENGTH));
+            let (frame, _) = Frame::parse(&bytes).unwrap();
+            assert_eq!(decode(frame.payload()), Ok(report));
+            for length in 0..PAYLOAD_LENGTH {
+                assert!(decode(&frame.payload()[..length]).is_err());
+            }
+        }
+    }
+
+    #[test]
+    fn a_report_with_a_number_for_no_state_is_refused() {
+        let mut bytes = [0; REPORT_FRAME_LENGTH];
+        encode(&report(), &mut bytes).unwrap();
+        let (frame, _) = Frame::parse(&bytes).unwrap();
+        let mut payload = [0; PAYLOAD_LENGTH];
+        payload.copy_from_slice(frame.payload());
+        for place in [3, 4, 5] {
+            let mut wrong = payload;
+            wrong[place] = 200;
+            assert_eq!(decode(&wrong), Err(ReportError::UnknownCode { code: 200 }));
+        }
+    }
+
+    #[test]
+    fn a_buffer_too_short_for_a_report_is_refused() {
+        assert_eq!(
+            encode(&report(), &mut [0; REPORT_FRAME_LENGTH - 1]),
+            Err(Full)
+        );
+    }
 }

@@ -141,6 +141,31 @@ impl FromStr for FaultSpec {
     }
 }
 
+impl core::fmt::Display for FaultSpec {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let kind = match self.kind {
+            FaultKind::Step => "step",
+            FaultKind::Ramp => "ramp",
+            FaultKind::Noise => "noise",
+            FaultKind::Walk => "walk",
+            FaultKind::Oscillation => "osc",
+        };
+        let (satellite, magnitude) = (self.satellite, self.magnitude);
+        write!(
+            f,
+            "{satellite}:{kind}:{magnitude}:{}:{}",
+            self.t0_s, self.t1_s
+        )?;
+        if self.on_range_rate {
+            write!(f, ":rr")?;
+        }
+        if self.kind == FaultKind::Oscillation {
+            write!(f, ":{}", self.period_s)?;
+        }
+        Ok(())
+    }
+}
+
 /// The satellite of a name like G05.
 pub fn parse_satellite(name: &str) -> Option<Satellite> {
     let mut letters = name.chars();

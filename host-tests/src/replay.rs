@@ -357,7 +357,7 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
                 .map(|path| path.display().to_string())
                 .collect(),
             format: &result.info.format,
-            faults: options.faults.iter().map(|f| format!("{f:?}")).collect(),
+            faults: options.faults.iter().map(|f| f.to_string()).collect(),
             seed: options.seed,
         },
         config: ConfigSummary {

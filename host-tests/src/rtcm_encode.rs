@@ -4,7 +4,7 @@
 //! [`quantise`] gives an ephemeris exactly as its bits hold it. [`ephemeris_of`] and
 //! [`observations_of`] are the way back, through the library's own decoder.
 //!
-//! Message and field numbers: [RTCM-10403.3]. Angles on the wire are semicircles.
+//! Message and field numbers: [RTCM-3]. Angles on the wire are semicircles.
 
 mod ephemeris;
 mod msm;

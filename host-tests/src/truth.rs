@@ -6,7 +6,7 @@
 //! | Spirent position, velocity, attitude | `GpsCycle,GpsWeek,GpsToW [s],Pos ECEF X [m],…` |
 //! | RTKLIB `.pos` | GPST as date and time or week and seconds; latitude, longitude, height or ECEF |
 //!
-//! Between rows at most [`MAX_GAP_S`] apart a track is interpolated linearly: at 1 g that errs by
+//! Between rows at most 0.25 s apart a track is interpolated linearly: at 1 g that errs by
 //! 8 cm; rows farther apart answer only at their own times.
 
 use std::path::Path;

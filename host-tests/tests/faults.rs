@@ -102,6 +102,13 @@ fn specifications_are_read_or_refused_with_the_form() {
     assert_eq!(spec.satellite, Satellite::new(System::Bds, 3).unwrap());
     assert_eq!((spec.kind, spec.magnitude), (FaultKind::Ramp, -0.63));
     assert!(spec.on_range_rate);
+    for spec in [
+        "C03:ramp:-0.63:11:140:rr",
+        "G05:osc:8:0:100:rr:40",
+        "E11:walk:2:0.5:9",
+    ] {
+        assert_eq!(spec.parse::<FaultSpec>().unwrap().to_string(), spec);
+    }
     for bad in [
         "",
         "G05",

@@ -2,6 +2,8 @@
 
 mod common;
 
+use proptest::prelude::*;
+
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::signal::{FREQUENCY_B1I_HZ, FREQUENCY_L1_HZ};
 use surefix_core::gnss::{
@@ -342,9 +344,8 @@ fn an_epoch_with_fewer_satellites_than_announced_is_incomplete() {
     assert!(epochs[0].flags.incomplete && !epochs[1].flags.incomplete);
 }
 
-#[test]
-fn compact_rinex_written_by_hand_expands_to_what_it_means() {
-    // Two satellites over three epochs; G07 misses the second and starts afresh in the third.
+/// Two satellites over three epochs; G07 misses the second and starts afresh in the third.
+fn compact_file() -> String {
     let mut text = header(
         "3.0                 COMPACT RINEX FORMAT",
         "CRINEX VERS   / TYPE",
@@ -362,7 +363,12 @@ fn compact_rinex_written_by_hand_expands_to_what_it_means() {
              \n\
              1000 1000\n\
              3&7 3&8 1\n";
-    let (plain, content) = text_of(text.into_bytes()).unwrap();
+    text
+}
+
+#[test]
+fn compact_rinex_written_by_hand_expands_to_what_it_means() {
+    let (plain, content) = text_of(compact_file().into_bytes()).unwrap();
     assert_eq!(content, Content::Observations);
     let (epochs, counts) = all_epochs(&plain);
     assert_eq!((epochs.len(), counts.bad_lines), (3, 0));
@@ -379,8 +385,8 @@ fn compact_rinex_written_by_hand_expands_to_what_it_means() {
     assert_eq!(c1(2, 7).pseudorange_m, Some(0.007));
 }
 
-#[test]
-fn rinex_4_names_messages_and_carries_the_ionosphere() {
+/// Ionosphere, an ephemeris of a message not used, a time offset, F/NAV and I/NAV of one satellite.
+fn navigation_file() -> String {
     let mut text = header(
         "     4.00           NAVIGATION DATA     M",
         "RINEX VERSION / TYPE",
@@ -415,6 +421,12 @@ fn rinex_4_names_messages_and_carries_the_ionosphere() {
             text += &format!("    {fields}\n");
         }
     }
+    text
+}
+
+#[test]
+fn rinex_4_names_messages_and_carries_the_ionosphere() {
+    let text = navigation_file();
     let file = NavigationFile::parse(&text).unwrap();
     assert_eq!(file.bad_records, 0);
     assert_eq!(file.other_records.get("G CNAV"), Some(&1));
@@ -463,4 +475,35 @@ fn what_cannot_be_read_is_refused_with_the_next_step() {
     assert!(error.contains("RINEX VERSION / TYPE"), "{error}");
     let clock = header("     3.00           C", "RINEX VERSION / TYPE");
     assert!(text_of(clock.into_bytes()).is_err());
+}
+
+proptest! {
+    /// Damaged text gives errors and counts, never a panic.
+    #[test]
+    fn damaged_files_never_panic(
+        which in 0..2,
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..12),
+        end in any::<prop::sample::Index>(),
+    ) {
+        let text = if which == 0 { compact_file() } else { navigation_file() };
+        let mut bytes = text.into_bytes();
+        for (at, value) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+        }
+        bytes.truncate(end.index(bytes.len()) + 1);
+        if let Ok((text, content)) = text_of(bytes) {
+            match content {
+                Content::Observations => {
+                    if let Ok(mut reader) = ObservationReader::new(&text) {
+                        let mut epoch = ObservationEpoch::EMPTY;
+                        while reader.next_epoch(&mut epoch) {}
+                    }
+                }
+                Content::Navigation => {
+                    let _ = NavigationFile::parse(&text);
+                }
+            }
+        }
+    }
 }

@@ -64,8 +64,7 @@ fn four_hours_at_esbjerg() {
 
 #[test]
 fn rtcm3_across_a_week_rollover() {
-    let Some(gnss) =
-        common::shared("data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3")
+    let Some(gnss) = common::shared("data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3")
     else {
         return;
     };
@@ -105,7 +104,14 @@ fn an_approach_with_a_faulty_satellite() {
         .reports
         .iter()
         .filter(|report| report.verdict.integrity == Integrity::Excluded)
-        .flat_map(|report| report.verdict.excluded.iter().map(|s| s.to_string()).collect::<Vec<_>>())
+        .flat_map(|report| {
+            report
+                .verdict
+                .excluded
+                .iter()
+                .map(|s| s.to_string())
+                .collect::<Vec<_>>()
+        })
         .collect();
     assert!(excluded.len() > 60, "{excluded:?}");
     assert!(excluded.iter().all(|name| name == "G04"), "{excluded:?}");

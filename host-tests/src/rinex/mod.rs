@@ -8,7 +8,7 @@
 //! change (Doppler to range rate, BDT and GST to GPST). What a line has that cannot be read is
 //! counted and skipped, never guessed.
 //!
-//! Source: [RINEX-4.02] and [RINEX-3.05]; the compression after [HATANAKA-2008]. Why this is not a
+//! Source: [RINEX-3.05] and [RINEX-4.01]; the compression after [HATANAKA-2008]. Why this is not a
 //! crate: docs/decisions/004-rinex.md.
 
 mod crinex;

@@ -12,7 +12,7 @@
 //! | SV accuracy, SISA, m | `sigma_ura_m`; `None` for −1 (no prediction) and from 6144 m on (use at own risk) |
 //! | Galileo data sources | bit 8 F/NAV, bit 9 I/NAV (which clock); without them bits 0, 2 I/NAV, else bit 1 F/NAV |
 //!
-//! Sources: [RINEX-4.02] tables A6, A8, A14 and section 8; [RINEX-3.05] tables A6, A8, A14.
+//! Sources: [RINEX-3.05] tables A6, A8, A14; the record headers of version 4 after [RINEX-4.01].
 
 use std::collections::BTreeMap;
 
@@ -26,7 +26,7 @@ use super::fields::{calendar, columns, integer, label, number, satellite};
 /// URA from which a satellite is to be used at one's own risk, m. [IS-GPS-200] 20.3.3.3.1.3, N = 15.
 const NO_ACCURACY_M: f64 = 6144.0;
 
-/// From here on a transmission time means "not known". [RINEX-4.02] table A6: 0.9999E+09.
+/// From here on a transmission time means "not known". [RINEX-3.05] table A6: 0.9999E+09.
 const UNKNOWN_TRANSMISSION_S: f64 = 0.9e9;
 
 /// How long before toe GPS starts to transmit an ephemeris, s. [IS-GPS-200] 20.3.4.4, table 20-XII.
@@ -251,7 +251,7 @@ fn timed_ephemeris(
 ) -> Option<TimedEphemeris> {
     let system = satellite.system();
     let first = record.first()?;
-    // Field `column` of broadcast orbit line `line`, both as the tables of [RINEX-4.02] count them.
+    // Field `column` of broadcast orbit line `line`, both as the tables of [RINEX-3.05] count them.
     let orbit =
         |line: usize, column: usize| number(record.get(line)?, 19 * column - 15, 19 * column + 4);
     let clock = |column: usize| number(first, 4 + 19 * column, 23 + 19 * column);

@@ -7,7 +7,7 @@
 //! | D | `range_rate_mps` = −(c/f)·D | m/s; RINEX counts an approaching satellite positive |
 //! | S | `cn0_dbhz` | dB-Hz, as printed |
 //!
-//! A blank and 0.0 both mean "not measured" ([RINEX-4.02] table A3). An epoch's time is turned into
+//! A blank and 0.0 both mean "not measured" ([RINEX-3.05] table A3). An epoch's time is turned into
 //! GPST digit by digit.
 
 use std::collections::BTreeMap;

@@ -17,7 +17,7 @@ use super::{frame, own_time};
     reason = "the documents give these digits, and ephemerides are fitted with them"
 )]
 const PI: f64 = 3.141_592_653_589_8;
-/// Steps of the BDS group delays in a second. [RTCM-10403.3] DF513: 0.1 ns.
+/// Steps of the BDS group delays in a second. [RTCM-3] DF513: 0.1 ns.
 const BDS_GROUP_DELAY_STEPS: f64 = 1e10;
 /// SISA index sent for Galileo: 3.12 m. [GAL-OS-SIS-ICD] table 76.
 const GALILEO_SISA_INDEX: u8 = 107;

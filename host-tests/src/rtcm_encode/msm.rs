@@ -15,7 +15,7 @@ use super::{STATION_ID, frame, own_time};
 /// Metres in a light-millisecond, the unit of MSM ranges.
 const LIGHT_MS_M: f64 = SPEED_OF_LIGHT_MPS / 1000.0;
 
-/// Phase-range lock time indicator DF407 of a time in lock. [RTCM-10403.3] table 3.5-75.
+/// Phase-range lock time indicator DF407 of a time in lock. [RTCM-3] table 3.5-75.
 pub fn lock_time_indicator(lock_ms: u64) -> u16 {
     if lock_ms < 64 {
         return lock_ms as u16;
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn lock_time_indicator_follows_the_blocks_of_the_table() {
-        // Lower edges of blocks in [RTCM-10403.3] table 3.5-75.
+        // Lower edges of blocks in [RTCM-3] table 3.5-75.
         for (lock_ms, indicator) in [
             (0, 0),
             (63, 63),
