@@ -58,10 +58,17 @@ impl Machine {
         for index in 0..PORTS {
             let path = folder.join(format!("uart{index}"));
             listeners.push(UnixListener::bind(&path).map_err(io("cannot make a socket"))?);
-            command
-                .arg("-serial")
-                .arg(format!("unix:{}", path.display()));
+            let mut socket = format!("socket,id=uart{index},path={}", path.display());
+            if index == Port::Receiver as usize {
+                // The UART takes a byte at a time. A multiplexer in between buffers 32, so that QEMU
+                // does not go to sleep and wake for each: three times as fast.
+                socket.push_str(",mux=on");
+            }
+            command.args(["-chardev", &socket, "-serial"]);
+            command.arg(format!("chardev:uart{index}"));
         }
+        // A multiplexer looks for an escape character; no byte has this value.
+        command.args(["-echr", "256"]);
         let stderr = fs::File::create(folder.join("stderr")).map_err(io("cannot make a file"))?;
         let process = command
             .stdin(Stdio::null())
