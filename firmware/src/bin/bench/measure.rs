@@ -1,7 +1,8 @@
 //! Counting, and the rows.
 
+use core::sync::atomic::{AtomicU32, Ordering};
 use cortex_m_semihosting::{debug, hprintln};
-use surefix_firmware::board::{instructions, stack, ticks};
+use surefix_firmware::board::{bench_begin, bench_end, instructions, stack, ticks};
 
 /// Skies per row.
 pub const RUNS: usize = 15;
@@ -9,17 +10,20 @@ pub const RUNS: usize = 15;
 /// Executed instructions of `work`, without those of counting.
 #[inline(never)]
 pub fn count(work: impl FnOnce()) -> u32 {
+    bench_begin();
     let begin = ticks();
     let empty = ticks();
     work();
     let end = ticks();
+    bench_end();
     let overhead = empty.wrapping_sub(begin);
     instructions(u64::from(end.wrapping_sub(empty).wrapping_sub(overhead))) as u32
 }
 
 /// The figures of one row while they are gathered.
 pub struct Row {
-    counts: [u32; RUNS],
+    /// Instructions, and the number of the pass over all rows.
+    counts: [(u32, u32); RUNS],
     filled: usize,
     stack_b: usize,
 }
@@ -28,7 +32,7 @@ impl Row {
     /// No figure yet.
     pub const fn new() -> Self {
         Self {
-            counts: [0; RUNS],
+            counts: [(0, 0); RUNS],
             filled: 0,
             stack_b: 0,
         }
@@ -36,11 +40,14 @@ impl Row {
 
     /// Measures one run of `work` in place of whatever it returns.
     pub fn run(&mut self, work: impl FnOnce()) {
+        static PASSES: AtomicU32 = AtomicU32::new(0);
+        let pass = PASSES.load(Ordering::Relaxed);
+        PASSES.store(pass + 1, Ordering::Relaxed);
         let mut counted = 0;
         let stack_b = stack::bytes_used_by(|| counted = count(work));
         self.stack_b = self.stack_b.max(stack_b);
         if let Some(place) = self.counts.get_mut(self.filled) {
-            *place = counted;
+            *place = (counted, pass);
             self.filled += 1;
         }
     }
@@ -49,18 +56,21 @@ impl Row {
     pub fn print(mut self, stage: &str, n_sats: Option<usize>, n_unknowns: Option<usize>) {
         let counts = &mut self.counts[..self.filled];
         counts.sort_unstable();
-        let (Some(median), Some(worst)) = (counts.get(counts.len() / 2), counts.last()) else {
+        let (Some((median, pass)), Some((worst, _))) =
+            (counts.get(counts.len() / 2), counts.last())
+        else {
             return;
         };
         let stack_b = self.stack_b;
         hprintln!(
-            "row {} {} {} - {} {} {}",
+            "row {} {} {} - {} {} {} {}",
             stage,
             Dash(n_sats),
             Dash(n_unknowns),
             median,
             worst,
-            stack_b
+            stack_b,
+            pass
         );
     }
 }

@@ -53,6 +53,10 @@ pub(super) fn start(chip: &Peripherals) {
             .clear_bit()
             .divp1en()
             .set_bit()
+            .divq1en()
+            .clear_bit()
+            .divr1en()
+            .clear_bit()
     });
     // SAFETY: multiplier 480 and divider 2, each written as one less.
     clocks

@@ -10,9 +10,11 @@
 //! Sources: ARM DAI 0500 (AN500) memory map; ARM DDI 0479 (CMSDK) 4.3 UART, 4.1 timer.
 
 mod clock;
+mod markers;
 mod uart;
 
 pub use clock::{Cycles, instructions, ticks};
+pub use markers::{bench_begin, bench_end};
 pub use uart::{Acknowledge, Receiver, Transmitter};
 
 use super::{Ports, Vector, vector_table};
