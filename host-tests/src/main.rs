@@ -62,7 +62,7 @@ struct ReplayArguments {
     at_llh: Option<String>,
     #[command(flatten)]
     settings: Settings,
-    /// Fault to put on a satellite: SAT:KIND:MAG:T0:T1[:rr][:PERIOD], KIND one of step, ramp, noise,
+    /// Fault to put on a satellite: `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`, KIND one of step, ramp, noise,
     /// walk, osc; may be given several times
     #[arg(long, value_name = "SPEC", allow_hyphen_values = true)]
     fault: Vec<String>,

@@ -64,7 +64,7 @@ pub struct Args {
     /// Ionosphere; its parameters are sent in surefix's own frame, as MSM streams carry none.
     #[arg(long, value_enum, default_value_t = Ionosphere::None)]
     pub ionosphere: Ionosphere,
-    /// Fault on a satellite, SAT:KIND:MAG:T0:T1[:rr][:PERIOD], for example G05:step:50:60:180.
+    /// Fault on a satellite, `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`, for example G05:step:50:60:180.
     #[arg(long = "fault", value_name = "SPEC")]
     pub faults: Vec<FaultSpec>,
 }
