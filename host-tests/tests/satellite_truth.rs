@@ -317,6 +317,37 @@ fn satellite_positions_agree_with_a_simulator_where_it_follows_one_issue() {
     }
 }
 
+/// What neither comparison of the GEO sees is an error that grows evenly from a toe: the glide takes it
+/// out, and at a toe there is none yet. It would show as a jump from issue to issue.
+#[test]
+fn an_issue_of_a_geo_arrives_within_a_metre_of_the_next() {
+    let Some(folder) = recording("instinct-skydel-static-4h-truth") else {
+        return;
+    };
+    let mut issues = skydel_ephemerides(&folder);
+    issues.retain(|issue| issue.satellite.is_bds_geo());
+    issues.sort_by_key(|issue| (issue.satellite.index(), issue.toe));
+    let mut jumps_m: Vec<f64> = issues
+        .windows(2)
+        .filter(|pair| pair[0].satellite == pair[1].satellite && pair[0].toe < pair[1].toe)
+        .map(|pair| {
+            let since_toe_s = pair[1].toe.seconds_since(pair[0].toe);
+            let departure = position_velocity(&pair[0], since_toe_s).unwrap().r_e_m;
+            let arrival = position_velocity(&pair[1], 0.0).unwrap().r_e_m;
+            distance_m(arrival, departure)
+        })
+        .collect();
+    jumps_m.sort_by(f64::total_cmp);
+    println!(
+        "BDS GEO: {} jumps after an hour, median {:.3} m, largest {:.3} m",
+        jumps_m.len(),
+        quantile(&jumps_m, 0.5),
+        quantile(&jumps_m, 1.0)
+    );
+    assert!(jumps_m.len() >= 30);
+    assert!(quantile(&jumps_m, 1.0) < 1.0);
+}
+
 #[test]
 fn satellite_positions_agree_with_a_simulator_to_five_millimetres() {
     let Some(folder) = recording("instinct-skydel-static-4h-truth") else {
