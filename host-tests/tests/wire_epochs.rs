@@ -18,6 +18,7 @@ use surefix_core::report::EpochReport;
 use surefix_core::time::GpsTime;
 use surefix_core::wire::Counters;
 use surefix_core::wire::native::{Frame, MAX_FRAME};
+use surefix_host_tests::source::{Item, Recording};
 
 const GPS_SIGNALS: [(u8, char); 7] = [
     (1, 'C'),
@@ -341,6 +342,21 @@ fn bds_ephemeris(satellite: u8, bdt_week: u16, toe_s: u32) -> Vec<u8> {
         .to_vec()
 }
 
+fn gps_ephemeris(satellite: u8, week_modulo_1024: u16, toe_s: u32) -> Vec<u8> {
+    let message = Message::Msg1019(Msg1019T {
+        gps_satellite_id: satellite,
+        gps_week_number: week_modulo_1024,
+        toe_s: toe_s as f32,
+        toc_s: toe_s as f32,
+        sqrt_a_sqrt_m: 5153.6,
+        ..Default::default()
+    });
+    MessageBuilder::new()
+        .build_message(&message)
+        .unwrap()
+        .to_vec()
+}
+
 #[test]
 fn after_days_without_observations_time_finds_its_week_again() {
     let mut stream = bds_ephemeris(1, 2420 - 1356, 270_000);
@@ -413,23 +429,12 @@ fn a_refused_configuration_does_not_tell_the_week() {
         let len = ingest::encode_configuration(&config, &mut out).unwrap();
         out[..len].to_vec()
     };
-    let ephemeris = Message::Msg1019(Msg1019T {
-        gps_satellite_id: 7,
-        gps_week_number: 985,
-        toe_s: 302_400.0,
-        toc_s: 302_400.0,
-        sqrt_a_sqrt_m: 5153.6,
-        ..Default::default()
-    });
     let stream = |first, second| {
         [
             configuration(first),
             gps(302_500_000, false, 1..=8, 1),
             configuration(second),
-            MessageBuilder::new()
-                .build_message(&ephemeris)
-                .unwrap()
-                .to_vec(),
+            gps_ephemeris(7, 985, 302_400),
             gps(302_501_000, false, 1..=8, 1),
         ]
         .concat()
@@ -444,6 +449,41 @@ fn a_refused_configuration_does_not_tell_the_week() {
         assert_eq!(reports[1].time.week(), week);
         assert_eq!(reports[1].flags.week_unknown, first.is_none());
     }
+}
+
+#[test]
+fn a_recording_is_decoded_with_the_week_of_its_configuration_frames() {
+    let configuration = |week| {
+        let mut out = [0; MAX_FRAME];
+        let config = Config {
+            reference_week: Some(week),
+            ..Config::PRESET
+        };
+        let len = ingest::encode_configuration(&config, &mut out).unwrap();
+        out[..len].to_vec()
+    };
+    let bytes = [
+        configuration(2300),
+        gps(302_500_000, false, 1..=8, 1),
+        configuration(1000),
+        gps_ephemeris(7, 985, 302_400),
+        gps(302_501_000, false, 1..=8, 1),
+    ]
+    .concat();
+    let path = std::env::temp_dir().join(format!("surefix-weeks-{}.rtcm3", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    let recording = Recording::read(&path, &[], &Config::PRESET);
+    std::fs::remove_file(&path).unwrap();
+    let weeks: Vec<_> = recording
+        .unwrap()
+        .items
+        .iter()
+        .filter_map(|item| match item {
+            Item::Epoch(epoch) => Some(epoch.time.week()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(weeks, [2009, 2009]);
 }
 
 #[test]
