@@ -9,6 +9,9 @@ use crate::process::command;
 use crate::workspace::Workspace;
 use crate::{Failure, Result, images, setup};
 
+/// The command of the PC, for cargo.
+const SUREFIX: [&str; 4] = ["--package", "surefix-host-tests", "--bin", "surefix"];
+
 /// Where the demo writes, inside the workspace.
 const FOLDER: &str = "out/demo";
 
@@ -21,6 +24,11 @@ pub fn run(workspace: &Workspace) -> Result {
     setup::run(workspace)?;
     println!("demo: building the firmware and the surefix command");
     checked(images::build_command(workspace).args(["--bin", images::APPLICATION]))?;
+    checked(
+        command(workspace, "cargo")
+            .args(["build", "--locked"])
+            .args(SUREFIX),
+    )?;
 
     surefix(
         workspace,
@@ -67,16 +75,9 @@ fn surefix(workspace: &Workspace, arguments: &[&str]) -> Result {
     println!("demo: cargo surefix {}", arguments.join(" "));
     checked(
         command(workspace, "cargo")
-            .args([
-                "run",
-                "--quiet",
-                "--locked",
-                "--package",
-                "surefix-host-tests",
-                "--bin",
-                "surefix",
-                "--",
-            ])
+            .args(["run", "--quiet", "--locked"])
+            .args(SUREFIX)
+            .arg("--")
             .args(arguments),
     )
 }
