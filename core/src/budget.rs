@@ -171,6 +171,7 @@ impl Ledger {
 mod tests {
     use super::*;
 
+    /// INT-008.
     #[test]
     fn a_stage_over_budget_is_a_miss_and_is_counted() {
         let mut ledger = Ledger::EMPTY;

@@ -423,6 +423,7 @@ mod tests {
         }
     }
 
+    /// INT-001, INT-002.
     #[test]
     fn a_verdict_is_usable_only_with_levels_within_limits() {
         let limits = Phase::Lpv200.requirements();
