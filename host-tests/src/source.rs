@@ -344,7 +344,13 @@ fn decode_frames(
             event
         };
         match event {
-            Event::Nothing | Event::Configuration(_) => {}
+            Event::Nothing => {}
+            Event::Configuration(sent) => {
+                // As in a monitor: only before the first epoch.
+                if ingest.counters().epochs == 0 {
+                    ingest.configure(&sent);
+                }
+            }
             Event::EndOfStream => ended = rest.is_empty(),
             Event::Ephemeris(ephemeris) => items.push(Item::Ephemeris(Box::new(ephemeris))),
             Event::Klobuchar(parameters) => items.push(Item::Klobuchar(parameters)),
