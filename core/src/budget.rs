@@ -1,8 +1,9 @@
 //! The stages of an epoch, what each may cost, and what happens when one costs more.
 //!
 //! Core has no clock. Whoever runs it hands in a [`CycleCounter`]: the DWT on silicon, a timer under
-//! the emulator's instruction clock, [`NoCounter`] on a PC. An epoch that passes [`EPOCH_BUDGET`]
-//! becomes `unavailable` with its reason and is counted: a late answer never looks like a timely one.
+//! the emulator's instruction clock, [`NoCounter`] on a PC. An epoch in which a stage passes its budget
+//! becomes `unavailable` with its reason and is counted. Counted is the work from the complete epoch
+//! to the verdict; how long bytes wait before they are taken is the scheduler's to bound.
 
 /// A free-running count of work, in executed instructions or cycles; wraps.
 pub trait CycleCounter {
@@ -53,8 +54,9 @@ pub struct StageBudget {
 
 /// The stages and their budgets, worst case of 48 satellites on three clocks with three exclusions.
 ///
-/// Measured figures: `cargo xtask bench`. The sum is a tenth of what a 480 MHz Cortex-M7 executes in
-/// the 100 ms between two epochs at 10 Hz, at one instruction per cycle.
+/// Measured figures: `cargo xtask bench`. The search for three faults among 48 satellites looks at
+/// twice the sets of the measured one for a single fault. The sum is an eighth of what a 480 MHz
+/// Cortex-M7 executes in the 100 ms between two epochs at 10 Hz, at one instruction per cycle.
 pub const STAGES: [StageBudget; STAGE_COUNT] = [
     StageBudget {
         stage: Stage::Solution,
@@ -69,7 +71,7 @@ pub const STAGES: [StageBudget; STAGE_COUNT] = [
     StageBudget {
         stage: Stage::Exclusion,
         name: "exclusion",
-        budget: 2_900_000,
+        budget: 4_000_000,
     },
     StageBudget {
         stage: Stage::Levels,
@@ -136,13 +138,13 @@ impl Ledger {
         }
     }
 
-    /// Ends an epoch: whether it kept [`EPOCH_BUDGET`].
+    /// Ends an epoch: whether every stage kept its budget, and so the epoch [`EPOCH_BUDGET`].
     pub fn end_epoch(&mut self) -> bool {
-        let total = self
+        let kept = self
             .last
             .iter()
-            .fold(0_u32, |sum, work| sum.saturating_add(*work));
-        let kept = total <= EPOCH_BUDGET;
+            .zip(&STAGES)
+            .all(|(work, stage)| *work <= stage.budget);
         if !kept {
             self.deadline_misses = self.deadline_misses.saturating_add(1);
         }
@@ -159,7 +161,7 @@ impl Ledger {
         self.worst
     }
 
-    /// Epochs that took longer than [`EPOCH_BUDGET`].
+    /// Epochs in which a stage passed its budget.
     pub const fn deadline_misses(&self) -> u32 {
         self.deadline_misses
     }
@@ -169,17 +171,22 @@ impl Ledger {
 mod tests {
     use super::*;
 
+    /// INT-008.
     #[test]
-    fn an_epoch_over_budget_is_a_miss_and_is_counted() {
+    fn a_stage_over_budget_is_a_miss_and_is_counted() {
         let mut ledger = Ledger::EMPTY;
         ledger.begin_epoch();
-        ledger.charge(Stage::Solution, EPOCH_BUDGET);
+        for stage in &STAGES {
+            ledger.charge(stage.stage, stage.budget);
+        }
         assert!(ledger.end_epoch());
-        ledger.begin_epoch();
-        ledger.charge(Stage::Solution, EPOCH_BUDGET);
-        ledger.charge(Stage::Verdict, 1);
-        assert!(!ledger.end_epoch());
-        assert_eq!(ledger.deadline_misses(), 1);
-        assert_eq!(ledger.worst(), [EPOCH_BUDGET, 0, 0, 0, 1]);
+        for stage in &STAGES {
+            ledger.begin_epoch();
+            ledger.charge(stage.stage, stage.budget);
+            ledger.charge(stage.stage, 1);
+            assert!(!ledger.end_epoch());
+        }
+        assert_eq!(ledger.deadline_misses(), STAGE_COUNT as u32);
+        assert_eq!(ledger.worst(), STAGES.map(|stage| stage.budget + 1));
     }
 }

@@ -14,7 +14,7 @@ use crate::budget::{CycleCounter, Ledger};
 use crate::config::Config;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore};
 use crate::ingest::{Event, Ingest};
-use crate::integrity::{Integrity, Mode, Reason};
+use crate::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
 use crate::time::{GpsTime, NS_PER_WEEK};
@@ -138,8 +138,7 @@ impl Monitor {
             counter,
         );
         if !self.ledger.end_epoch() {
-            assessment.verdict.integrity = Integrity::Unavailable;
-            assessment.verdict.reason = Reason::DeadlineMissed;
+            withdraw(&mut assessment.verdict);
         }
         report_of(epoch, first_epoch, &assessment)
     }
@@ -162,6 +161,17 @@ impl Monitor {
     /// Ephemerides held.
     pub const fn store(&self) -> &EphemerisStore {
         &self.store
+    }
+}
+
+/// Takes back what came too late: levels that are not in time bound nothing. A fault that was found
+/// stays an alert, with its own reason.
+fn withdraw(verdict: &mut Verdict) {
+    verdict.hpl = ProtectionLevel::Unavailable(NoBound::DeadlineMissed);
+    verdict.vpl = ProtectionLevel::Unavailable(NoBound::DeadlineMissed);
+    if verdict.integrity != Integrity::Alert {
+        verdict.integrity = Integrity::Unavailable;
+        verdict.reason = Reason::DeadlineMissed;
     }
 }
 

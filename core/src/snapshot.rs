@@ -21,7 +21,7 @@
 
 use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
 use crate::config::{Config, ConfigError};
-use crate::consts::MAX_SATELLITES;
+use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
 use crate::gnss::solution::{
     SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
 };
@@ -35,6 +35,15 @@ use crate::raim::{RaimError, parity};
 use crate::stats::{StatsError, normal};
 
 const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
+
+/// Farthest a receiver clock may lie from GPST, m: 2 ms. Receivers steer it or let it jump within one
+/// millisecond. A pseudorange error common to all satellites looks like a clock and shows in no
+/// residual, but dates the satellites wrongly: at 800 m/s of range rate 2 ms are 1.6 m, 10 ms are 8 m,
+/// beyond any level.
+pub const MAX_RECEIVER_CLOCK_M: f64 = 2.0e-3 * SPEED_OF_LIGHT_MPS;
+/// Farthest the clocks against two systems may lie apart, m: 10 µs. The systems keep within 100 ns of
+/// each other, receivers delay their signals differently by up to a few microseconds.
+pub const MAX_INTER_SYSTEM_M: f64 = 1.0e-5 * SPEED_OF_LIGHT_MPS;
 
 /// Why a monitor could not be configured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -223,9 +232,10 @@ impl SnapshotMonitor {
 
     /// Parity test of the solution.
     fn detect(&mut self, progress: &mut Progress) {
-        if progress.solution.is_none() {
+        let Some(solution) = &progress.solution else {
             return;
-        }
+        };
+        let clocks_are_plausible = are_plausible(&solution.clock_m);
         progress.statistic = None;
         progress.threshold = None;
         progress.test = match parity::test(self.workspace.model(), &mut self.qr) {
@@ -234,7 +244,12 @@ impl SnapshotMonitor {
                 progress.statistic = Some(statistic.sum_of_squares);
                 progress.threshold = threshold;
                 let passes = threshold.is_some_and(|limit| statistic.passes(limit));
-                if passes { Test::Passed } else { Test::Failed }
+                // A single faulty satellite moves the clock too: exclusion comes before this doubt.
+                match (passes, clocks_are_plausible) {
+                    (false, _) => Test::Failed,
+                    (true, false) => Test::Impossible(Reason::ImplausibleClock),
+                    (true, true) => Test::Passed,
+                }
             }
             Err(RaimError::NoRedundancy { .. }) => Test::Impossible(Reason::NoRedundancy),
             Err(_) => Test::Impossible(Reason::BadGeometry),
@@ -281,6 +296,7 @@ impl SnapshotMonitor {
             return;
         }
         let unavailable = match progress.test {
+            Test::Impossible(Reason::ImplausibleClock) => Some(NoBound::FaultPresent),
             Test::Impossible(_) => Some(NoBound::NoRedundancy),
             Test::Failed => Some(NoBound::FaultPresent),
             Test::Passed | Test::PassedWithout => None,
@@ -345,6 +361,15 @@ impl SnapshotMonitor {
     }
 }
 
+/// Whether receiver clocks lie where a receiver keeps them; NaN does not.
+fn are_plausible(clock_m: &[Option<f64>; MAX_CLOCKS]) -> bool {
+    let clocks = || clock_m.iter().copied().flatten();
+    clocks().all(|a| {
+        libm::fabs(a) <= MAX_RECEIVER_CLOCK_M
+            && clocks().all(|b| libm::fabs(a - b) <= MAX_INTER_SYSTEM_M)
+    })
+}
+
 /// The larger of two levels; NaN if either is.
 fn larger(a: f64, b: f64) -> f64 {
     if a.is_nan() || a > b { a } else { b }
@@ -398,6 +423,7 @@ mod tests {
         }
     }
 
+    /// INT-001, INT-002.
     #[test]
     fn a_verdict_is_usable_only_with_levels_within_limits() {
         let limits = Phase::Lpv200.requirements();
@@ -431,6 +457,30 @@ mod tests {
         let limits = Phase::Npa.requirements();
         let verdict = judge(&progress(Test::Passed, 500.0, f64::INFINITY), &limits);
         assert_eq!(verdict.integrity, Integrity::Nominal);
+    }
+
+    #[test]
+    fn clocks_a_receiver_does_not_have_are_implausible() {
+        let far_m = 1.001 * MAX_RECEIVER_CLOCK_M;
+        assert!(are_plausible(&[None; MAX_CLOCKS]));
+        assert!(are_plausible(&[
+            Some(0.99 * MAX_RECEIVER_CLOCK_M),
+            None,
+            None
+        ]));
+        assert!(!are_plausible(&[Some(far_m), None, None]));
+        assert!(!are_plausible(&[None, Some(-far_m), None]));
+        assert!(are_plausible(&[
+            Some(0.0),
+            None,
+            Some(0.99 * MAX_INTER_SYSTEM_M)
+        ]));
+        assert!(!are_plausible(&[
+            Some(0.0),
+            None,
+            Some(1.01 * MAX_INTER_SYSTEM_M)
+        ]));
+        assert!(!are_plausible(&[Some(f64::NAN), None, None]));
     }
 
     #[test]

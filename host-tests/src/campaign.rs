@@ -427,15 +427,21 @@ pub fn merge(results: &[CampaignResult]) -> Result<CampaignResult> {
     Ok(whole)
 }
 
+/// Constellations of a campaign unless told otherwise: those it is accepted with.
+const DEFAULT_SYSTEMS: &str = "GC";
+
 /// Arguments of `surefix campaign`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(mut_arg("systems", |systems| systems.help(format!(
+    "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
+))))]
 pub struct Args {
     /// Name of the campaign (esbc-steps), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
-    /// Most trials per cell; without it every satellite at every time of day
-    #[arg(long)]
+    /// Most trials per cell, at least 1; without it every satellite at every time of day
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub trials: Option<u64>,
     /// Seed of everything random
     #[arg(long, default_value_t = 1)]
@@ -473,12 +479,16 @@ pub fn esbc(directory: &Path, config: &Config) -> Result<Recording> {
 pub fn run(args: &Args) -> Result<()> {
     let result = match args.name.as_str() {
         "merge" => {
+            check_out(&args.out)?;
             let results: Result<Vec<CampaignResult>> = args.files.iter().map(|f| read(f)).collect();
             merge(&results?)?
         }
         "esbc-steps" => {
+            check_out(&args.out)?;
             let mut settings = args.settings.clone();
-            settings.systems.get_or_insert_with(|| "GC".into());
+            settings
+                .systems
+                .get_or_insert_with(|| DEFAULT_SYSTEMS.into());
             let config = settings.config()?;
             let recording = esbc(&args.data, &config)?;
             let mut options = StepsOptions::new(config, args.seed);
@@ -494,6 +504,19 @@ pub fn run(args: &Args) -> Result<()> {
         .with_context(|| format!("cannot write {}", args.out.display()))?;
     print!("{}", table(&result));
     println!("written: {}", args.out.display());
+    Ok(())
+}
+
+/// Refuses a file that could not be written, before the trials take their minutes.
+fn check_out(file: &Path) -> Result<()> {
+    // The parent of a bare file name is the empty path.
+    let parent = file.parent().filter(|p| !p.as_os_str().is_empty());
+    if file.is_dir() || parent.is_some_and(|parent| !parent.is_dir()) {
+        bail!(
+            "cannot write {}: give a file in a directory that exists with --out",
+            file.display()
+        );
+    }
     Ok(())
 }
 

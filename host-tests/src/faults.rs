@@ -17,7 +17,7 @@ use std::str::FromStr;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
-use surefix_core::gnss::{ObservationEpoch, Satellite, System};
+use surefix_core::gnss::{ObservationEpoch, Satellite, SatelliteSet, System};
 
 use crate::simulate::noise::normal;
 
@@ -278,4 +278,69 @@ impl FaultInjector {
             }
         }
     }
+}
+
+/// Finds the faults of which no epoch shows anything: a satellite never in view, or times outside the
+/// recording.
+#[derive(Clone, Debug)]
+pub struct FaultCoverage {
+    without_effect: Vec<FaultSpec>,
+    in_view: SatelliteSet,
+}
+
+impl FaultCoverage {
+    /// Before the first epoch.
+    pub fn new(specs: &[FaultSpec]) -> Self {
+        Self {
+            without_effect: specs.to_vec(),
+            in_view: SatelliteSet::EMPTY,
+        }
+    }
+
+    /// Takes note of an epoch at `t_s` seconds from the first.
+    pub fn see(&mut self, epoch: &ObservationEpoch, t_s: f64) {
+        for observation in &epoch.satellites {
+            if observation
+                .signals
+                .iter()
+                .all(|s| s.pseudorange_m.is_none())
+            {
+                continue;
+            }
+            self.in_view.insert(observation.satellite);
+            self.without_effect.retain(|fault| {
+                fault.satellite != observation.satellite || t_s < fault.t0_s || t_s >= fault.t1_s
+            });
+        }
+    }
+
+    /// After the last epoch.
+    ///
+    /// # Errors
+    /// When a fault touched no epoch.
+    pub fn check(&self) -> Result<(), FaultWithoutEffect> {
+        let Some(fault) = self.without_effect.first() else {
+            return Ok(());
+        };
+        let names: Vec<String> = self.in_view.iter().map(|s| s.to_string()).collect();
+        Err(FaultWithoutEffect {
+            fault: *fault,
+            in_view: if names.is_empty() {
+                "no satellites".into()
+            } else {
+                names.join(" ")
+            },
+        })
+    }
+}
+
+/// A fault that touched nothing.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the fault on {} touches no epoch: the satellite is not in view from {} s to {} s; in view are {in_view}",
+    fault.satellite, fault.t0_s, fault.t1_s
+)]
+pub struct FaultWithoutEffect {
+    fault: FaultSpec,
+    in_view: String,
 }

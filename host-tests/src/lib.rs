@@ -12,3 +12,8 @@ pub mod settings;
 pub mod simulate;
 pub mod source;
 pub mod truth;
+
+/// The example of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+pub struct ReadmeDoctests;

@@ -142,6 +142,8 @@ impl ReplayArguments {
 
 fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
     let options = arguments.options()?;
+    // Before the replay, which may take minutes.
+    replay::make_directory(&arguments.out)?;
     // The default draw target hides itself where stderr is no terminal.
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
     bar.set_style(

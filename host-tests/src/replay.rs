@@ -318,28 +318,46 @@ struct ConfigSummary {
     max_exclusions: u8,
 }
 
-/// Writes `epochs.csv`, `errors.csv` (with a truth), `summary.json` and `report.html` into `directory`.
+/// Makes the directory to write to, unless it is there.
+///
+/// # Errors
+/// When it cannot be made.
+pub fn make_directory(directory: &Path) -> Result<()> {
+    std::fs::create_dir_all(directory).with_context(|| {
+        format!(
+            "cannot make the directory {}: give another --out",
+            directory.display()
+        )
+    })
+}
+
+/// Everything [`write`] may write.
+const FILES: [&str; 4] = ["epochs.csv", "errors.csv", "summary.json", "report.html"];
+
+/// Writes `epochs.csv`, `errors.csv` (with a truth), `summary.json` and `report.html` into `directory`,
+/// in place of those of an earlier replay.
 ///
 /// # Errors
 /// When the directory or a file cannot be written.
 pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -> Result<()> {
-    std::fs::create_dir_all(directory)
-        .with_context(|| format!("cannot make the directory {}", directory.display()))?;
+    make_directory(directory)?;
+    // All first, so that files of two replays never stand side by side, whatever fails below.
+    for path in FILES.map(|name| directory.join(name)) {
+        if path.exists() {
+            std::fs::remove_file(&path)
+                .with_context(|| format!("cannot remove {}", path.display()))?;
+        }
+    }
     let put = |name: &str, text: String| {
         let path = directory.join(name);
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
     put("epochs.csv", output::epochs_csv(&result.reports))?;
-    let errors = directory.join("errors.csv");
     if result.summary.truth.is_some() {
         put(
             "errors.csv",
             output::errors_csv(&result.reports, &result.errors_enu_m),
         )?;
-    } else if errors.exists() {
-        // Of an earlier replay into the same directory.
-        std::fs::remove_file(&errors)
-            .with_context(|| format!("cannot remove {}", errors.display()))?;
     }
     let config = &options.config;
     let systems = surefix_core::gnss::System::ALL

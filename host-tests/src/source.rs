@@ -27,7 +27,7 @@ use surefix_core::wire::counters::Counters;
 use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::native;
 
-use crate::faults::{FaultInjector, FaultSpec};
+use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
 };
@@ -116,6 +116,25 @@ fn has_native_frame(bytes: &[u8]) -> bool {
         .any(|(k, pair)| pair == b"SF" && native::Frame::parse(&bytes[k..]).is_ok())
 }
 
+/// Whether there is a frame of u-blox UBX with its checksum: two sync bytes, class, identifier,
+/// length, content, and the two sums of RFC 1145 from class to content.
+fn has_ubx_frame(bytes: &[u8]) -> bool {
+    let searched = &bytes[..bytes.len().min(SEARCHED_BYTES)];
+    searched.windows(6).enumerate().any(|(k, head)| {
+        let length = usize::from(head[4]) | usize::from(head[5]) << 8;
+        let summed = bytes.get(k + 2..k + 6 + length);
+        let sent = bytes.get(k + 6 + length..k + 8 + length);
+        head.starts_with(&[0xb5, 0x62])
+            && summed.zip(sent).is_some_and(|(summed, sent)| {
+                let (a, b) = summed.iter().fold((0_u8, 0_u8), |(a, b), byte| {
+                    let a = a.wrapping_add(*byte);
+                    (a, b.wrapping_add(a))
+                });
+                sent == [a, b]
+            })
+    })
+}
+
 fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
     let name = path.display();
     if bytes.is_empty() {
@@ -137,7 +156,7 @@ fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
     if bytes.starts_with(b"PK\x03\x04") {
         bail!("{name} is a ZIP archive: unpack it first");
     }
-    if bytes.windows(2).any(|pair| pair == [0xb5, 0x62]) {
+    if has_ubx_frame(bytes) {
         bail!(
             "{name} looks like u-blox UBX, which is not read yet: convert it to RINEX, for example with RTKLIB convbin, or {next}"
         );
@@ -325,7 +344,13 @@ fn decode_frames(
             event
         };
         match event {
-            Event::Nothing | Event::Configuration(_) => {}
+            Event::Nothing => {}
+            Event::Configuration(sent) => {
+                // As in a monitor: only before the first epoch.
+                if ingest.counters().epochs == 0 {
+                    ingest.configure(&sent);
+                }
+            }
             Event::EndOfStream => ended = rest.is_empty(),
             Event::Ephemeris(ephemeris) => items.push(Item::Ephemeris(Box::new(ephemeris))),
             Event::Klobuchar(parameters) => items.push(Item::Klobuchar(parameters)),
@@ -406,6 +431,7 @@ impl Recording {
 struct FrameWriter {
     bytes: Vec<u8>,
     faults: FaultInjector,
+    coverage: FaultCoverage,
     first: Option<GpsTime>,
     buffer: Vec<u8>,
 }
@@ -415,6 +441,7 @@ impl FrameWriter {
         let mut writer = Self {
             bytes: Vec::new(),
             faults: FaultInjector::new(faults, seed),
+            coverage: FaultCoverage::new(faults),
             first: None,
             buffer: vec![0; MAX_EPOCH_BYTES.max(native::MAX_FRAME)],
         };
@@ -436,8 +463,9 @@ impl FrameWriter {
             Item::Epoch(mut epoch) => {
                 let first = *self.first.get_or_insert(epoch.time);
                 let since_ns = epoch.time.ns() - first.ns();
-                self.faults
-                    .apply(&mut epoch, since_ns as f64 / NS_PER_S as f64);
+                let t_s = since_ns as f64 / NS_PER_S as f64;
+                self.coverage.see(&epoch, t_s);
+                self.faults.apply(&mut epoch, t_s);
                 self.append(|out| encode_observations(&epoch, out));
             }
         }
@@ -452,7 +480,7 @@ impl FrameWriter {
 /// Makes the bytes to send to a monitor.
 ///
 /// # Errors
-/// As [`decode`].
+/// As [`decode`], and when a fault touches no epoch.
 pub fn stream(
     gnss: &Path,
     nav: &[PathBuf],
@@ -480,6 +508,7 @@ pub fn stream(
         });
     }
     let info = decode(gnss, nav, config, &mut |item| writer.write(item))?;
+    writer.coverage.check()?;
     Ok(Stream {
         bytes: writer.finish(),
         info,

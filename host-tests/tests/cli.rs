@@ -70,7 +70,8 @@ fn unusable_arguments_are_refused_with_the_next_step() {
         &["README.md", "RTCM 3", "RINEX"],
     );
     let ubx = directory.join("a.ubx");
-    std::fs::write(&ubx, [0xb5, 0x62, 0x02, 0x15, 0, 0, 0, 0]).unwrap();
+    // An empty poll of RXM-RAWX after a byte of noise; the sums by hand.
+    std::fs::write(&ubx, [7, 0xb5, 0x62, 0x02, 0x15, 0, 0, 0x17, 0x47]).unwrap();
     refused(
         &["replay", "--gnss", text(&ubx), "--out", out],
         &["UBX", "convbin"],
@@ -291,4 +292,207 @@ fn settings_of_a_file_hold_unless_a_flag_says_otherwise() {
     );
     std::fs::write(&config, "sytems = \"G\"\n").unwrap();
     refused(&arguments, &["settings.toml", "sytems"]);
+}
+
+/// Exit code, standard output and standard error of a replay.
+fn replay(recording: &Path, out: &Path, more: &[&str]) -> (Option<i32>, String, String) {
+    let arguments = ["replay", "--gnss", text(recording), "--out", text(out)];
+    let output = surefix(&[&arguments[..], more].concat());
+    let said = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (
+        output.status.code(),
+        said(&output.stdout),
+        said(&output.stderr),
+    )
+}
+
+/// The files in `out` are those of one replay; gives its summary.
+fn whole(out: &Path) -> serde_json::Value {
+    let read = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&read("summary.json")).unwrap();
+    let rows = read("epochs.csv").lines().count() - 1;
+    assert_eq!(summary["epochs"], rows);
+    assert_eq!(out.join("errors.csv").exists(), !summary["truth"].is_null());
+    let says_empty = read("report.html").contains("There is no epoch in this run");
+    assert_eq!(says_empty, rows == 0);
+    summary
+}
+
+#[test]
+fn a_recording_without_an_epoch_finishes_with_exit_code_1_and_its_counters() {
+    let (recording, _, out) = simulated("cli-no-epoch");
+    assert_eq!(replay(&recording, &out, &[]).0, Some(0));
+    assert!(whole(&out)["epochs"].as_u64().unwrap() > 0);
+    // A message of type 1 without content, twice, the second with a wrong checksum.
+    let frame = [0xd3, 0x00, 0x02, 0x00, 0x10];
+    let crc = surefix_core::wire::crc::crc24q(&frame).to_be_bytes();
+    let right = [&frame[..], &crc[1..]].concat();
+    let wrong = [&frame[..], &[!crc[1], crc[2], crc[3]]].concat();
+    let empty = recording.with_file_name("no-epoch.rtcm3");
+    std::fs::write(&empty, [right, wrong].concat()).unwrap();
+    // Into the directory of the replay before.
+    let (code, said, message) = replay(&empty, &out, &[]);
+    assert_eq!(code, Some(1), "{message}");
+    assert!(message.contains("holds no observation epoch"), "{message}");
+    assert!(said.contains("input: rtcm_bad_crc 1"), "{said}");
+    let summary = whole(&out);
+    assert_eq!(summary["epochs"], 0);
+    assert_eq!(summary["counters"]["rtcm_frames"], 1);
+    assert_eq!(summary["counters"]["rtcm_bad_crc"], 1);
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("rtcm bad crc") && !page.contains("{{"));
+}
+
+#[test]
+fn every_recording_of_the_corpus_ends_with_its_counters() {
+    let corpus =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data/rtcm3-parser-corpus");
+    let Ok(entries) = std::fs::read_dir(&corpus) else {
+        eprintln!("SKIPPED: rtcm3-parser-corpus: ../shared is absent");
+        return;
+    };
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    files.retain(|path| path.extension().is_some_and(|extension| extension != "md"));
+    files.sort();
+    // One directory for all, so that nothing of one may be left to the next.
+    let out = directory("cli-corpus").join("out");
+    let (mut without_epoch, mut with_losses) = (0, 0);
+    for file in &files {
+        let (code, _, message) = replay(file, &out, &["--print", "nothing"]);
+        assert!(matches!(code, Some(0 | 1)), "{}: {message}", file.display());
+        let summary = whole(&out);
+        assert_eq!(summary["input"]["gnss"], text(file));
+        assert!(summary["counters"]["rtcm_frames"].as_u64().unwrap() > 0);
+        if summary["epochs"] == 0 {
+            assert_eq!(code, Some(1), "{}", file.display());
+            assert!(message.contains("holds no observation epoch"), "{message}");
+            without_epoch += 1;
+        } else if code == Some(1) {
+            assert_ne!(summary["bad_frames"], serde_json::json!({}));
+            with_losses += 1;
+        }
+    }
+    println!(
+        "{} files, {without_epoch} without an epoch, {with_losses} with epochs and losses",
+        files.len()
+    );
+    assert!(files.len() > 40 && without_epoch > 0);
+}
+
+#[test]
+fn a_fault_that_touches_no_epoch_is_refused_with_the_satellites_in_view() {
+    let (recording, _, out) = simulated("cli-fault-nowhere");
+    let arguments = ["replay", "--gnss", text(&recording), "--out", text(&out)];
+    let in_view = |fault: &str| {
+        refused(
+            &[&arguments[..], &["--fault", fault]].concat(),
+            &[
+                "touches no epoch",
+                fault.split(':').next().unwrap(),
+                " G",
+                " E",
+                " C",
+            ],
+        );
+    };
+    // C63 is in no simulated sky; G04 is in view, but not after the end at 240 s.
+    in_view("C63:step:50:60:120");
+    in_view("G04:step:50:241:300");
+    // The one that touches something does not cover up for the one that does not.
+    refused(
+        &[
+            &arguments[..],
+            &[
+                "--fault",
+                "G04:step:50:60:120",
+                "--fault",
+                "C63:step:50:60:120",
+            ],
+        ]
+        .concat(),
+        &["C63", "touches no epoch"],
+    );
+    assert_eq!(
+        replay(&recording, &out, &["--fault", "G04:step:50:240:300"]).0,
+        Some(0)
+    );
+}
+
+#[test]
+fn what_only_contains_two_bytes_of_ubx_is_not_called_ubx() {
+    let directory = directory("cli-not-ubx");
+    let out = directory.join("out");
+    let png = directory.join("picture.png");
+    let head = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
+    // Sync bytes of UBX with a length that fits and sums that do not.
+    let bytes = [&head[..], &[0xb5, 0x62, 0x02, 0x15, 0, 0, 0x17, 0x48]].concat();
+    std::fs::write(&png, bytes).unwrap();
+    let (code, _, message) = replay(&png, &out, &[]);
+    assert_eq!(code, Some(2));
+    assert!(
+        message.contains("no recording surefix knows") && !message.contains("UBX"),
+        "{message}"
+    );
+}
+
+#[test]
+fn what_the_operating_system_says_is_said_once() {
+    let directory = directory("cli-once");
+    let missing = directory.join("missing.obs");
+    let (_, _, message) = replay(&missing, &directory.join("out"), &[]);
+    let words = std::fs::read(&missing).unwrap_err().to_string();
+    assert_eq!(message.matches(&words).count(), 1, "{message}");
+}
+
+#[test]
+fn counts_and_lengths_of_nothing_are_refused() {
+    let directory = directory("cli-nothing");
+    let out = directory.join("out.json");
+    let campaign = ["campaign", "esbc-steps", "--out", text(&out)];
+    refused(
+        &[&campaign[..], &["--trials", "0"]].concat(),
+        &["--trials", "0"],
+    );
+    let out = directory.join("flight");
+    let simulate = ["simulate", "approach", "--seed", "1", "--out", text(&out)];
+    for duration in ["0", "-5", "NaN", "inf"] {
+        refused(
+            &[&simulate[..], &["--duration", duration]].concat(),
+            &["--duration", "more than 0"],
+        );
+    }
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_place_that_cannot_be_written_is_refused_before_any_work() {
+    let directory = directory("cli-out");
+    let file = directory.join("file");
+    std::fs::write(&file, "").unwrap();
+    let (below, missing) = (file.join("out"), directory.join("missing.obs"));
+    // The input is missing too: the message shows what was looked at first.
+    refused(
+        &["replay", "--gnss", text(&missing), "--out", text(&below)],
+        &["cannot make the directory", "--out"],
+    );
+    let (json, nowhere) = (below.join("steps.json"), text(&missing));
+    refused(
+        &[
+            "campaign",
+            "esbc-steps",
+            "--data",
+            nowhere,
+            "--out",
+            text(&json),
+        ],
+        &["steps.json", "--out"],
+    );
+}
+
+#[test]
+fn a_campaign_names_the_constellations_it_takes_by_itself() {
+    let help = |command| String::from_utf8(surefix(&[command, "--help"]).stdout).unwrap();
+    assert!(help("campaign").contains("[default: GC]"));
+    assert!(!help("campaign").contains("[default: GEC]"));
+    assert!(help("replay").contains("[default: GEC]"));
 }

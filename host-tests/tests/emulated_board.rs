@@ -108,6 +108,7 @@ fn on_the_board(elf: &Path, stream: &[u8], options: Options) -> BoardRun {
     }
 }
 
+/// INT-007.
 #[test]
 fn reports_and_counters_equal_those_of_this_machine() {
     let Some(elf) = board(&[]) else { return };

@@ -169,6 +169,7 @@ fn count(bench: &mut Bench, model: &LinearModel, faulty: &[usize], counts: &mut 
     }
 }
 
+/// INT-003.
 #[test]
 fn no_healthy_satellite_goes_while_a_faulty_one_stays() {
     let mut random = Random(5);
@@ -256,6 +257,7 @@ fn two_constellations(random: &mut Random, others: usize) -> LinearModel {
     model
 }
 
+/// INT-003.
 #[test]
 fn three_of_four_equal_faults_do_not_condemn_the_healthy_fourth() {
     let mut random = Random(7);
@@ -279,6 +281,7 @@ fn three_of_four_equal_faults_do_not_condemn_the_healthy_fourth() {
     assert!(deceived > 250, "{deceived}");
 }
 
+/// INT-002.
 #[test]
 fn two_satellites_of_a_constellation_cannot_accuse_each_other() {
     let mut random = Random(8);
@@ -299,6 +302,7 @@ fn two_satellites_of_a_constellation_cannot_accuse_each_other() {
     assert_eq!(exclusion.rows.iter().collect::<Vec<_>>(), [3]);
 }
 
+/// INT-002.
 #[test]
 fn without_the_redundancy_to_tell_faults_apart_nothing_is_excluded() {
     let mut random = Random(9);

@@ -190,6 +190,7 @@ fn calls_of_the_image() -> HashSet<String> {
     calls.0
 }
 
+/// INT-006.
 #[test]
 fn every_public_entry_of_core_is_called_in_the_no_panic_image() {
     let entries = public_entries();

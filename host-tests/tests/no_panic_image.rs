@@ -15,6 +15,7 @@ fn ready() -> bool {
     }
 }
 
+/// INT-006.
 #[test]
 fn the_image_that_calls_all_of_core_links_without_a_panic() {
     if ready() {

@@ -53,6 +53,7 @@ fn print(name: &str, result: &ReplayResult) {
     );
 }
 
+/// INT-010.
 #[test]
 fn a_day_at_esbjerg_is_accurate_bounded_and_free_of_alerts() {
     let Some((observations, navigation)) = esbc() else {
@@ -109,6 +110,7 @@ fn a_day_at_esbjerg_is_accurate_bounded_and_free_of_alerts() {
     }
 }
 
+/// INT-010.
 #[test]
 fn rtcm3_bytes_across_a_week_rollover_give_positions_from_their_own_ephemerides() {
     let folder = "data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3";
@@ -183,7 +185,7 @@ fn every_system_keeps_its_time_across_a_week_rollover() {
     }
 }
 
-/// A short version; the whole is `surefix campaign esbc-steps`.
+/// INT-003. A short version; the whole is `surefix campaign esbc-steps`.
 #[test]
 fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
     let Some((observations, navigation)) = esbc() else {

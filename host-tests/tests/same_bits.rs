@@ -47,6 +47,7 @@ fn gps_bds() -> Config {
     }
 }
 
+/// INT-007.
 #[test]
 fn four_hours_at_esbjerg() {
     let folder = "data/esbc-2020-177";
@@ -62,6 +63,7 @@ fn four_hours_at_esbjerg() {
     }
 }
 
+/// INT-007.
 #[test]
 fn rtcm3_across_a_week_rollover() {
     let Some(gnss) = common::shared("data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3")
@@ -75,7 +77,7 @@ fn rtcm3_across_a_week_rollover() {
     }
 }
 
-/// The flight of `cargo xtask demo`.
+/// INT-007. The flight of `cargo xtask demo`.
 #[test]
 fn an_approach_with_a_faulty_satellite() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_approach");

@@ -318,7 +318,7 @@ fn a_change_of_ephemeris_does_not_move_a_noise_free_fix() {
 #[test]
 fn decoded_ephemerides_are_the_simulated_ones() {
     let mut args = args(Flight::Static, 2);
-    args.duration = Some(0.0);
+    args.duration = Some(0.5);
     let simulated = &epochs(&args).unwrap().next().unwrap().ephemerides;
     let bytes = simulate(&args).unwrap().rtcm3;
     let mut ingest = Box::new(Ingest::EMPTY);

@@ -339,6 +339,7 @@ proptest! {
         prop_assert!(scene.error_m(&solution) < 1e-3);
     }
 
+    /// INT-004.
     #[test]
     fn any_pseudoranges_end_in_a_place_on_earth_or_in_a_reason(
         values_m in prop::collection::vec(1.0e7..6.0e7_f64, 48),
@@ -390,6 +391,7 @@ proptest! {
     }
 }
 
+/// INT-004.
 #[test]
 fn fewer_satellites_than_unknowns_are_refused() {
     let mut scene = Scene::at(47.0, 9.0, 400.0, config(IonosphereModel::Klobuchar));
@@ -442,6 +444,7 @@ fn fewer_satellites_than_unknowns_are_refused() {
     assert_eq!(scene.workspace.model().m, 4);
 }
 
+/// INT-004.
 #[test]
 fn satellites_that_stand_in_one_place_are_bad_geometry() {
     let mut scene = Scene::at(47.0, 9.0, 400.0, config(IonosphereModel::None));
@@ -490,6 +493,7 @@ fn without_four_range_rates_there_is_no_velocity() {
     }
 }
 
+/// INT-009.
 #[test]
 fn every_reason_for_leaving_a_satellite_out_is_counted() {
     let mut scene = Scene::at(47.0, 9.0, 400.0, config(IonosphereModel::Klobuchar));

@@ -1,20 +1,24 @@
 //! How epochs are put together: when they end, what is dropped, what is flagged, what is counted.
 
 use rtcm_rs::msg::{
-    BdsSigId, GalSigId, GloSigId, GpsSigId, Msg1042T, Msg1074Data, Msg1074Sig, Msg1074T,
+    BdsSigId, GalSigId, GloSigId, GpsSigId, Msg1019T, Msg1042T, Msg1074Data, Msg1074Sig, Msg1074T,
     Msg1084Data, Msg1084Sig, Msg1084T, Msg1094Data, Msg1094Sig, Msg1094T, Msg1124Data, Msg1124Sig,
     Msg1124T, Msm46Sat,
 };
 use rtcm_rs::{Message, MessageBuilder};
+use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
 use surefix_core::consts::MAX_SATELLITES;
 use surefix_core::gnss::{
     KlobucharParameters, ObservationEpoch, Satellite, Signal, SignalObservation, System,
 };
 use surefix_core::ingest::{self, Event, Ingest, MAX_EPOCH_BYTES};
+use surefix_core::monitor::{Monitor, Ready};
+use surefix_core::report::EpochReport;
 use surefix_core::time::GpsTime;
 use surefix_core::wire::Counters;
 use surefix_core::wire::native::{Frame, MAX_FRAME};
+use surefix_host_tests::source::{Item, Recording};
 
 const GPS_SIGNALS: [(u8, char); 7] = [
     (1, 'C'),
@@ -213,10 +217,60 @@ fn a_receiver_that_goes_back_in_time_for_good_is_followed() {
         stream.extend(gps(400_000_000 + k * 1000, false, 1..=8, 1));
     }
     let (epochs, _, counters) = run(&stream);
-    assert_eq!(epochs.len(), 1 + 40);
-    assert_eq!(counters.messages_too_late, 60);
+    assert_eq!(epochs.len(), 1 + 98);
+    assert_eq!(counters.messages_too_late, 2);
     assert_eq!(counters.time_restarts, 1);
-    assert_eq!(epochs[1].time.tow_s(), 400_060.0);
+    assert_eq!(epochs[1].time.tow_s(), 400_002.0);
+}
+
+#[test]
+fn one_wrong_time_costs_two_epochs() {
+    // Whether the wrong message is the whole of its epoch or leaves it waiting for more.
+    for is_whole in [true, false] {
+        let mut stream = Vec::new();
+        for second in 100..110 {
+            let wrong = u32::from(second == 103) * 7_200_000;
+            stream.extend(gps(second * 1000 + wrong, !is_whole, 1..=8, 1));
+            if !is_whole {
+                stream.extend(galileo(second * 1000, true, 1..=5));
+                stream.extend(bds(second * 1000 - 14_000, false, 6..=9));
+            }
+        }
+        let (epochs, _, counters) = run(&stream);
+        let first_right = if is_whole { 106 } else { 105 };
+        let mut expected = vec![100.0, 101.0, 102.0, 7303.0];
+        expected.extend((first_right..110).map(f64::from));
+        assert_eq!(tows(&epochs), expected);
+        let satellites = if is_whole { 8 } else { 17 };
+        assert!(
+            epochs[4..]
+                .iter()
+                .all(|epoch| !epoch.flags.incomplete && epoch.satellites.len() == satellites)
+        );
+        // 104 and 105; or two messages of 103 and three of 104.
+        assert_eq!(counters.messages_too_late, if is_whole { 2 } else { 2 + 3 });
+        assert_eq!(counters.time_restarts, 1);
+    }
+}
+
+#[test]
+fn repeated_and_reordered_messages_do_not_turn_time_back() {
+    let mut stream = Vec::new();
+    for second in 100..103 {
+        stream.extend(gps(second * 1000, false, 1..=8, 1));
+    }
+    for second in [
+        102, 102, 102, 102, 101, 101, 101, 101, 100, 100, 101, 102, 99, 98, 97, 96,
+    ] {
+        stream.extend(gps(second * 1000, false, 1..=8, 1));
+    }
+    for second in [103, 101, 102, 104, 102, 103, 105, 103, 104] {
+        stream.extend(gps(second * 1000, false, 1..=8, 1));
+    }
+    let (epochs, _, counters) = run(&stream);
+    assert_eq!(tows(&epochs), [100.0, 101.0, 102.0, 103.0, 104.0, 105.0]);
+    assert_eq!(counters.messages_too_late, 16 + 6);
+    assert_eq!(counters.time_restarts, 0);
 }
 
 #[test]
@@ -272,23 +326,171 @@ fn the_end_of_the_stream_gives_out_what_waits() {
     assert_eq!(ingest.push(&[]), (0, Event::Nothing));
 }
 
-#[test]
-fn a_bds_ephemeris_tells_the_week_and_moves_what_was_provisional() {
-    let ephemeris = Message::Msg1042(Msg1042T {
-        bds_satellite_id: 11,
-        bds_week_number: 653,
-        toe_s: 302_400.0,
-        toc_s: 302_400.0,
+fn bds_ephemeris(satellite: u8, bdt_week: u16, toe_s: u32) -> Vec<u8> {
+    let message = Message::Msg1042(Msg1042T {
+        bds_satellite_id: satellite,
+        bds_week_number: bdt_week,
+        toe_s: toe_s as f32,
+        toc_s: toe_s as f32,
         sqrt_a_sqrt_m: 5282.6,
         ura_index: 0,
         ..Default::default()
     });
+    MessageBuilder::new()
+        .build_message(&message)
+        .unwrap()
+        .to_vec()
+}
+
+fn gps_ephemeris(satellite: u8, week_modulo_1024: u16, toe_s: u32) -> Vec<u8> {
+    let message = Message::Msg1019(Msg1019T {
+        gps_satellite_id: satellite,
+        gps_week_number: week_modulo_1024,
+        toe_s: toe_s as f32,
+        toc_s: toe_s as f32,
+        sqrt_a_sqrt_m: 5153.6,
+        ..Default::default()
+    });
+    MessageBuilder::new()
+        .build_message(&message)
+        .unwrap()
+        .to_vec()
+}
+
+#[test]
+fn after_days_without_observations_time_finds_its_week_again() {
+    let mut stream = bds_ephemeris(1, 2420 - 1356, 270_000);
+    stream.extend(gps(274_220_000, false, 1..=8, 1));
+    // More than half a week later.
+    for second in 15_020..15_030 {
+        stream.extend(gps(second * 1000, true, 1..=8, 1));
+        let satellite = (second % 5) as u8 + 1;
+        stream.extend(bds_ephemeris(satellite, 2421 - 1356, 10_800));
+        stream.extend(galileo(second * 1000, false, 1..=5));
+    }
+    let (epochs, events, counters) = run(&stream);
+    let weeks: Vec<_> = epochs.iter().map(|epoch| epoch.time.week()).collect();
+    // Nearest to the last epoch is a week before. The third epoch there is followed, and in the
+    // middle of it the third ephemeris tells the week, which the next epoch takes up.
+    assert_eq!(weeks[..2], [2420; 2]);
+    assert_eq!(weeks[2..], [2421; 7]);
+    assert_eq!(epochs[1].time.tow_s(), 15_022.0);
+    assert_eq!(epochs[2].time.tow_s(), 15_023.0);
+    assert!(epochs.iter().all(|epoch| !epoch.flags.incomplete));
+    assert!(epochs[1..].iter().all(|epoch| epoch.satellites.len() == 13));
+    assert_eq!(counters.epochs_incomplete, 0);
+    // What is stored names its own week and is not to be moved.
+    assert!(
+        events
+            .iter()
+            .all(|event| matches!(event, Event::Ephemeris(_)))
+    );
+}
+
+#[test]
+fn a_wrong_first_week_is_left_again() {
+    let mut stream = bds_ephemeris(1, 2430 - 1356, 270_000);
+    for second in 274_220..274_240 {
+        stream.extend(gps(second * 1000, false, 1..=8, 1));
+        let satellite = (second % 5) as u8 + 1;
+        stream.extend(bds_ephemeris(satellite, 2420 - 1356, 270_000));
+    }
+    let (epochs, _, counters) = run(&stream);
+    let weeks: Vec<_> = epochs.iter().map(|epoch| epoch.time.week()).collect();
+    assert_eq!(weeks[..3], [2430; 3]);
+    assert_eq!(weeks[3..], [2420; 15]);
+    assert_eq!(counters.time_restarts, 1);
+}
+
+/// What a monitor makes of a stream, and how many configurations it refused.
+fn monitored(stream: &[u8]) -> (Vec<EpochReport>, u32) {
+    let mut monitor = Box::new(Monitor::EMPTY);
+    let mut reports = Vec::new();
+    let mut rest = stream;
+    loop {
+        let (used, ready) = monitor.push(rest);
+        rest = &rest[used..];
+        match ready {
+            Some(Ready::Epoch) => reports.push(monitor.process(&mut NoCounter)),
+            Some(Ready::EndOfStream) => {}
+            None => return (reports, monitor.refused_configurations()),
+        }
+    }
+}
+
+#[test]
+fn a_refused_configuration_does_not_tell_the_week() {
+    let configuration = |reference_week| {
+        let mut out = [0; MAX_FRAME];
+        let config = Config {
+            reference_week,
+            ..Config::PRESET
+        };
+        let len = ingest::encode_configuration(&config, &mut out).unwrap();
+        out[..len].to_vec()
+    };
+    let stream = |first, second| {
+        [
+            configuration(first),
+            gps(302_500_000, false, 1..=8, 1),
+            configuration(second),
+            gps_ephemeris(7, 985, 302_400),
+            gps(302_501_000, false, 1..=8, 1),
+        ]
+        .concat()
+    };
+    for (first, second, week) in [
+        (None, Some(2010), 985),
+        (Some(2010), Some(1000), 2009),
+        (Some(2010), None, 2009),
+    ] {
+        let (reports, refused) = monitored(&stream(first, second));
+        assert_eq!(refused, 1);
+        assert_eq!(reports[1].time.week(), week);
+        assert_eq!(reports[1].flags.week_unknown, first.is_none());
+    }
+}
+
+#[test]
+fn a_recording_is_decoded_with_the_week_of_its_configuration_frames() {
+    let configuration = |week| {
+        let mut out = [0; MAX_FRAME];
+        let config = Config {
+            reference_week: Some(week),
+            ..Config::PRESET
+        };
+        let len = ingest::encode_configuration(&config, &mut out).unwrap();
+        out[..len].to_vec()
+    };
+    let bytes = [
+        configuration(2300),
+        gps(302_500_000, false, 1..=8, 1),
+        configuration(1000),
+        gps_ephemeris(7, 985, 302_400),
+        gps(302_501_000, false, 1..=8, 1),
+    ]
+    .concat();
+    let path = std::env::temp_dir().join(format!("surefix-weeks-{}.rtcm3", std::process::id()));
+    std::fs::write(&path, bytes).unwrap();
+    let recording = Recording::read(&path, &[], &Config::PRESET);
+    std::fs::remove_file(&path).unwrap();
+    let weeks: Vec<_> = recording
+        .unwrap()
+        .items
+        .iter()
+        .filter_map(|item| match item {
+            Item::Epoch(epoch) => Some(epoch.time.week()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(weeks, [2009, 2009]);
+}
+
+#[test]
+fn a_bds_ephemeris_tells_the_week_and_moves_what_was_provisional() {
     let stream = [
         gps(302_500_000, false, 1..=8, 1),
-        MessageBuilder::new()
-            .build_message(&ephemeris)
-            .unwrap()
-            .to_vec(),
+        bds_ephemeris(11, 653, 302_400),
         gps(302_501_000, false, 1..=8, 1),
     ]
     .concat();

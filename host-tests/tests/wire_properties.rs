@@ -314,6 +314,7 @@ fn assert_all_known(outcome: &Outcome) -> Result<(), TestCaseError> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
 
+    /// INT-005.
     #[test]
     fn damaged_streams_give_no_observation_that_was_not_sent(
         damages in proptest::collection::vec(damage(), 0..12),
@@ -329,6 +330,7 @@ proptest! {
         prop_assert_eq!(run(&stream, std::iter::empty()), outcome);
     }
 
+    /// INT-005.
     #[test]
     fn pieces_in_any_order_give_no_observation_that_was_not_sent(
         order in proptest::collection::vec(any::<usize>(), 0..80),
@@ -341,6 +343,7 @@ proptest! {
         assert_all_known(&run(&stream, std::iter::repeat(311)))?;
     }
 
+    /// INT-005.
     #[test]
     fn noise_never_panics(noise in proptest::collection::vec(any::<u8>(), 0..6000)) {
         let outcome = run(&noise, std::iter::repeat(97));
@@ -351,7 +354,7 @@ proptest! {
         prop_assert!(is_all_noise || counters.nmea_lines > 0);
     }
 
-    /// Frames with right checksums around any content.
+    /// INT-005. Frames with right checksums around any content.
     #[test]
     fn any_content_of_a_right_frame_never_panics(
         contents in proptest::collection::vec((0_usize..20, proptest::collection::vec(any::<u8>(), 0..1023), any::<bool>()), 1..12),

@@ -139,7 +139,8 @@ const fn pair(first: &[u8; 2], second: &[u8; 2], messages: &'static [NavMessage]
 
 const LNAV: &[NavMessage] = &[NavMessage::GpsLnav];
 const BDS: &[NavMessage] = &[NavMessage::BdsD1D2];
-/// E1 alone: I/NAV first, each with its own BGD.
+/// E1 alone: I/NAV first, each with its own BGD. F/NAV tells the health of E5a, not of E1: on it alone a
+/// satellite whose E1 is not healthy is left to the consistency test.
 const INAV_FIRST: &[NavMessage] = &[NavMessage::GalileoInav, NavMessage::GalileoFnav];
 /// E1 with E5b: F/NAV does not carry BGD(E1,E5b).
 const INAV_ONLY: &[NavMessage] = &[NavMessage::GalileoInav];

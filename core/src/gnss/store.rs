@@ -257,6 +257,7 @@ mod tests {
         assert_eq!(at(&store, hours(2)), Ok(second.toe));
     }
 
+    /// INT-009.
     #[test]
     fn the_last_received_decides_on_health() {
         let satellite = Satellite::new(System::Bds, 21).unwrap();
@@ -279,6 +280,7 @@ mod tests {
         assert_eq!(select(&store), Err(EphemerisReason::NoAccuracy));
     }
 
+    /// INT-009.
     #[test]
     fn an_unhealthy_message_lets_no_other_stand_in() {
         let satellite = Satellite::new(System::Galileo, 14).unwrap();

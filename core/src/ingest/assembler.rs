@@ -16,10 +16,12 @@ use crate::wire::rtcm3::header::EpochTime;
 use crate::wire::rtcm3::{BroadcastEphemeris, ContentError, Message, Msm, MsmHeader};
 use crate::wire::{Counters, Scanned};
 
-/// So many messages in a row may lie before the last epoch; then the receiver has set its clock back
-/// and is followed. Reordered and repeated messages stay below it, an outage by a wrong time is
-/// bounded by it.
-const MAX_LATE_IN_A_ROW: u8 = 60;
+/// So many epochs before the last one, each later than the one before it and none on time between
+/// them, and the receiver is followed back: the time of the last one was wrong, or the receiver has
+/// set its clock back. Repeated messages and those of an epoch or two delivered late stay below it.
+/// One wrong time silences the output for so many epochs at most, 3 s at 1 Hz; a time to alert is
+/// longer.
+const LATE_EPOCHS_FOLLOWED: u8 = 3;
 
 const NS_PER_MS: i64 = 1_000_000;
 
@@ -53,8 +55,36 @@ pub(super) struct Assembler {
     has_time: bool,
     /// Group of a native epoch that comes next.
     next_group: u8,
-    late_in_a_row: u8,
+    late: LateEpochs,
     weeks: WeekResolver,
+}
+
+/// Epochs that came after a later one, in a row.
+#[derive(Clone, Copy, Debug)]
+struct LateEpochs {
+    /// Time of the last message of them.
+    last: Option<GpsTime>,
+    /// Different times, in ascending order.
+    times: u8,
+}
+
+impl LateEpochs {
+    const NONE: Self = Self {
+        last: None,
+        times: 0,
+    };
+
+    /// Notes a message of an epoch at `time`; tells whether to follow the receiver there.
+    fn note(&mut self, time: GpsTime) -> bool {
+        self.times = match self.last {
+            Some(last) if time == last => self.times,
+            Some(last) if time > last => self.times.saturating_add(1),
+            // The first, or back again: not how a clock goes.
+            _ => 1,
+        };
+        self.last = Some(time);
+        self.times >= LATE_EPOCHS_FOLLOWED
+    }
 }
 
 impl Assembler {
@@ -63,7 +93,7 @@ impl Assembler {
         is_open: false,
         has_time: false,
         next_group: 0,
-        late_in_a_row: 0,
+        late: LateEpochs::NONE,
         weeks: WeekResolver::EMPTY,
     };
 
@@ -217,13 +247,13 @@ impl Assembler {
     /// Where a message of an epoch at `time` belongs; opens the epoch if it is a new one.
     fn place(&mut self, time: GpsTime, counters: &mut Counters) -> Place {
         if self.is_open && time == self.epoch.time {
-            self.late_in_a_row = 0;
+            self.late = LateEpochs::NONE;
             return Place::Inside;
         }
         if self.has_time && time <= self.epoch.time {
-            if self.late_in_a_row < MAX_LATE_IN_A_ROW {
+            // A repetition of the last epoch tells nothing about the receiver's clock.
+            if time == self.epoch.time || !self.late.note(time) {
                 count(&mut counters.messages_too_late);
-                self.late_in_a_row = self.late_in_a_row.saturating_add(1);
                 return Place::Before;
             }
             if !self.is_open {
@@ -233,7 +263,7 @@ impl Assembler {
         if self.close_incomplete(counters) {
             return Place::After;
         }
-        self.late_in_a_row = 0;
+        self.late = LateEpochs::NONE;
         self.epoch.restart(time);
         self.epoch.flags.week_unknown = self.weeks.is_unknown();
         self.is_open = true;
@@ -252,7 +282,7 @@ impl Assembler {
             count(&mut counters.unknown_satellites);
             return Outcome::Used;
         };
-        let shift_weeks = convert::learn_week(broadcast, &mut self.weeks);
+        let shift_weeks = convert::learn_week(broadcast, satellite, &mut self.weeks);
         if let Some(event) = self.week_learnt(shift_weeks) {
             return Outcome::FirstGives(event);
         }
@@ -279,6 +309,7 @@ impl Assembler {
         }
         let shift_ns = i64::from(shift_weeks).wrapping_mul(NS_PER_WEEK);
         self.epoch.time = self.epoch.time.plus_ns(shift_ns);
+        self.late = LateEpochs::NONE;
         Some(Event::WeekResolved { shift_weeks })
     }
 
@@ -289,9 +320,8 @@ impl Assembler {
     ) -> Result<Outcome, PayloadError> {
         Ok(match frame.kind() {
             Some(Kind::Configuration) => {
-                let config = decode_configuration(frame.payload())?;
-                self.configure(config.reference_week);
-                Outcome::UsedGives(Event::Configuration(config))
+                // Whoever takes the event decides whether it counts, and configures then.
+                Outcome::UsedGives(Event::Configuration(decode_configuration(frame.payload())?))
             }
             Some(Kind::Observations) => {
                 self.take_group(&ObservationGroup::decode(frame.payload())?, counters)
@@ -299,9 +329,11 @@ impl Assembler {
             Some(Kind::Ephemeris) => {
                 let ephemeris = decode_ephemeris(frame.payload())?;
                 let is_modulo_1024 = ephemeris.message == NavMessage::GpsLnav;
-                let shift_weeks = self
-                    .weeks
-                    .learn_native_ephemeris(ephemeris.toe, is_modulo_1024);
+                let shift_weeks = self.weeks.learn_native_ephemeris(
+                    ephemeris.satellite,
+                    ephemeris.toe,
+                    is_modulo_1024,
+                );
                 if let Some(event) = self.week_learnt(shift_weeks) {
                     return Ok(Outcome::FirstGives(event));
                 }

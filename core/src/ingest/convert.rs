@@ -131,12 +131,17 @@ fn in_named_week(broadcast: &BroadcastEphemeris, gps_week: i32, of_week_s: u32) 
     }
 }
 
-/// Lets the resolver learn the week from an ephemeris, and tells by how many weeks everything before
-/// was wrong.
-pub(super) fn learn_week(broadcast: &BroadcastEphemeris, weeks: &mut WeekResolver) -> i32 {
+/// Lets the resolver learn the week from an ephemeris of `satellite`, and tells by how many weeks
+/// everything before was wrong.
+pub(super) fn learn_week(
+    broadcast: &BroadcastEphemeris,
+    satellite: Satellite,
+    weeks: &mut WeekResolver,
+) -> i32 {
     match broadcast.source {
-        Source::GpsLnav => weeks.learn_gps_week(broadcast.week, broadcast.toe_s),
+        Source::GpsLnav => weeks.learn_gps_week(satellite, broadcast.week, broadcast.toe_s),
         _ => weeks.learn_full_week(
+            satellite,
             in_named_week(broadcast, 0, broadcast.toe_s),
             broadcast.toe_s,
         ),

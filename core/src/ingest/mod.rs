@@ -28,7 +28,7 @@ use crate::wire::{Counters, Scanner};
 pub enum Event {
     /// All bytes given were used, and nothing is ready.
     Nothing,
-    /// A configuration, checked.
+    /// A configuration, checked. It changes nothing here until [`Ingest::configure`] is called with it.
     Configuration(Config),
     /// A broadcast ephemeris.
     Ephemeris(Ephemeris),
@@ -106,7 +106,7 @@ impl Ingest {
         &self.counters
     }
 
-    /// Tells the week the user gave, as a [`Event::Configuration`] frame does too.
+    /// Tells the week the user gave.
     pub fn configure(&mut self, config: &Config) {
         self.assembler.configure(config.reference_week);
     }

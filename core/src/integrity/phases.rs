@@ -11,7 +11,8 @@
 //! | LPV-200 | 40 | 35 | 6 | [ICAO-A10] table 3.7.2.4-1, CAT I with VAL 35 m |
 //! | APV-II | 40 | 20 | 6 | [ICAO-A10] table 3.7.2.4-1 |
 //!
-//! P_FA and P_MD per sample are those of [P0] section 2 and [DO-229] appendix on RAIM: 3.3333e-7 and
+//! The fault-free risk of 1e-7 per sample sets K_ff = 5.33, the K_V of [DO-229] 2.2 and [P3] (15); it is
+//! not yet allocated from a risk per hour or approach. P_FA and P_MD per sample are those of [P0] section 2 and [DO-229] appendix on RAIM: 3.3333e-7 and
 //! 1e-3. Keys: docs/references.md.
 
 /// A phase of flight.

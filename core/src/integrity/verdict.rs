@@ -57,6 +57,9 @@ pub enum Reason {
     DeadlineMissed = 9,
     /// The monitor has not been configured.
     NotConfigured = 10,
+    /// The receiver clock lies farther from the systems' times than a receiver lets it, or the
+    /// systems' clocks lie too far apart: an error common to all satellites, which no residual shows.
+    ImplausibleClock = 11,
 }
 
 /// Why there is no protection level.
@@ -74,6 +77,8 @@ pub enum NoBound {
     FaultPresent = 3,
     /// The arithmetic gave no finite number.
     NotFinite = 4,
+    /// The answer came too late to be one.
+    DeadlineMissed = 5,
 }
 
 impl NoBound {
@@ -85,6 +90,7 @@ impl NoBound {
             2 => Self::Untestable,
             3 => Self::FaultPresent,
             4 => Self::NotFinite,
+            5 => Self::DeadlineMissed,
             _ => return None,
         })
     }
@@ -214,7 +220,7 @@ impl Mode {
 
 impl Reason {
     /// Every reason, in the order of its number in a report frame.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::None,
         Self::TooFewSatellites,
         Self::NoRedundancy,
@@ -226,6 +232,7 @@ impl Reason {
         Self::VplAboveLimit,
         Self::DeadlineMissed,
         Self::NotConfigured,
+        Self::ImplausibleClock,
     ];
 
     /// Name in files.
@@ -242,6 +249,7 @@ impl Reason {
             Self::VplAboveLimit => "vpl_above_limit",
             Self::DeadlineMissed => "deadline_missed",
             Self::NotConfigured => "not_configured",
+            Self::ImplausibleClock => "implausible_clock",
         }
     }
 

@@ -19,6 +19,7 @@ use figures::{Axis, Figures, STATES, figures};
 use table::Table;
 
 const PAGE: &str = include_str!("report.html");
+const EMPTY_PAGE: &str = include_str!("empty.html");
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 
@@ -68,10 +69,12 @@ pub fn write(directory: &Path) -> Result<PathBuf> {
 
 /// The whole page.
 fn page(name: &str, table: &Table, summary: Option<&Value>) -> String {
+    let Some(first) = table.rows.first() else {
+        return empty_page(name, summary);
+    };
     let figures = figures(table);
     // `</` would end the element the data stand in.
     let data = data::pack(table).to_string().replace("</", "<\\/");
-    let first = &table.rows[0];
     let start = first.week.zip(first.tow_s).map_or_else(
         || "time unknown".to_owned(),
         |(week, tow_s)| {
@@ -103,9 +106,30 @@ fn page(name: &str, table: &Table, summary: Option<&Value>) -> String {
         ("{{data}}", data),
         ("{{script}}", SCRIPT.to_owned()),
     ];
+    fill(PAGE, &parts)
+}
+
+/// The page of a run without an epoch: that it has none, and what was counted.
+fn empty_page(name: &str, summary: Option<&Value>) -> String {
+    fill(
+        EMPTY_PAGE,
+        &[
+            ("{{title}}", escape(name)),
+            ("{{style}}", STYLE.to_owned()),
+            (
+                "{{run}}",
+                format!("no epoch · surefix {}", env!("CARGO_PKG_VERSION")),
+            ),
+            ("{{summary}}", summary_table(summary)),
+        ],
+    )
+}
+
+/// A template with its parts in their places.
+fn fill(template: &str, parts: &[(&str, String)]) -> String {
     // One pass over the template, so that nothing inserted is taken for a place to insert.
-    let mut page = String::with_capacity(PAGE.len() + 1_000_000);
-    let mut rest = PAGE;
+    let mut page = String::with_capacity(template.len() + 1_000_000);
+    let mut rest = template;
     while let Some(start) = rest.find("{{") {
         let (before, from) = rest.split_at(start);
         page.push_str(before);

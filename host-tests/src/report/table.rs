@@ -147,9 +147,6 @@ fn parse_epochs(text: &str) -> Result<(Vec<Row>, bool)> {
             error_enu_m: None,
         });
     }
-    if rows.is_empty() {
-        bail!("there is no epoch in it");
-    }
     if rows.windows(2).any(|pair| pair[1].t_s <= pair[0].t_s) {
         bail!("t_s does not grow from row to row");
     }

@@ -27,7 +27,7 @@ pub use observation::{ObservationCounts, ObservationHeader, ObservationReader};
 #[derive(Debug, thiserror::Error)]
 pub enum RinexError {
     /// The file could not be read.
-    #[error("cannot read {path}: {source}")]
+    #[error("cannot read {path}")]
     Io {
         /// Which file.
         path: String,

@@ -19,12 +19,12 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
+use surefix_core::gnss::System;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
-use surefix_core::gnss::{SatelliteSet, System};
 use surefix_core::ingest::encode_klobuchar;
 use surefix_core::time::{GpsTime, NS_PER_S};
 
-use crate::faults::{FaultInjector, FaultKind, FaultSpec};
+use crate::faults::{FaultCoverage, FaultInjector, FaultKind, FaultSpec};
 use crate::rtcm_encode::{encode_ephemeris, encode_epoch, encode_station};
 use atmosphere::Ionosphere;
 use flight::Flight;
@@ -34,6 +34,9 @@ use receiver::{Conditions, Epoch, Receiver};
 const START_TOW_S: i64 = 274_200;
 /// Ephemerides are repeated this often, s; a satellite's own also when it rises or is updated.
 const EPHEMERIS_INTERVAL_S: i64 = 30;
+
+/// Longest simulation, s.
+const MAX_DURATION_S: f64 = 172_800.0;
 
 /// Arguments of `surefix simulate`.
 #[derive(Clone, Debug, clap::Args)]
@@ -47,10 +50,10 @@ pub struct Args {
     #[arg(long)]
     pub out: PathBuf,
     /// Epochs per second.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub rate_hz: f64,
     /// Length in seconds; the approach is 240 s, a fixed receiver 600 s unless told otherwise.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     pub duration: Option<f64>,
     /// No noise, multipath or signal-in-space error.
     #[arg(long)]
@@ -99,8 +102,9 @@ pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
         bail!("--rate-hz {} is not between 0.01 and 50", args.rate_hz);
     }
     let duration_s = args.duration.unwrap_or(args.name.usual_duration_s());
-    if !(0.0..=172_800.0).contains(&duration_s) {
-        bail!("--duration {duration_s} is not between 0 and 172800 s");
+    // Written so that NaN is refused.
+    if !(duration_s > 0.0 && duration_s <= MAX_DURATION_S) {
+        bail!("--duration {duration_s} is not more than 0 and at most {MAX_DURATION_S} s");
     }
     let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;
     let start = GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S);
@@ -129,8 +133,7 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
     };
     let mut sent = Vec::new();
     let mut first = None;
-    let mut in_view = SatelliteSet::EMPTY;
-    let mut without_effect = args.faults.clone();
+    let mut coverage = FaultCoverage::new(&args.faults);
     for epoch in epochs(args)? {
         let time = epoch.observations.time;
         let start = *first.get_or_insert(time);
@@ -159,24 +162,9 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
             })?);
         truth_row(&mut simulation.truth_csv, &epoch, time.seconds_since(start))?;
         simulation.epochs += 1;
-        let t_s = time.seconds_since(start);
-        for observation in &epoch.observations.satellites {
-            in_view.insert(observation.satellite);
-            without_effect.retain(|fault| {
-                fault.satellite != observation.satellite || t_s < fault.t0_s || t_s >= fault.t1_s
-            });
-        }
+        coverage.see(&epoch.observations, time.seconds_since(start));
     }
-    if let Some(fault) = without_effect.first() {
-        let names: Vec<String> = in_view.iter().map(|s| s.to_string()).collect();
-        bail!(
-            "the fault on {} touches no epoch: the satellite is not in view from {} s to {} s; in view are {}",
-            fault.satellite,
-            fault.t0_s,
-            fault.t1_s,
-            names.join(" ")
-        );
-    }
+    coverage.check()?;
     simulation.scenario_toml = scenario_toml(args, simulation.epochs);
     Ok(simulation)
 }
@@ -312,8 +300,7 @@ fn fault_table(fault: &FaultSpec) -> String {
 /// Runs `surefix simulate`.
 pub fn run(args: &Args) -> Result<()> {
     let simulation = simulate(args)?;
-    std::fs::create_dir_all(&args.out)
-        .with_context(|| format!("cannot make the directory {}", args.out.display()))?;
+    crate::replay::make_directory(&args.out)?;
     let files: [(&str, &[u8]); 3] = [
         ("receiver.rtcm3", &simulation.rtcm3),
         ("truth.csv", simulation.truth_csv.as_bytes()),
