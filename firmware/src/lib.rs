@@ -7,7 +7,7 @@
 //! | `worker` | ring to monitor to output |
 //! | `fault` | panic and fault handlers: the output becomes invalid, then the chip resets |
 //!
-//! The application is `bin/surefix.rs`. On a PC only [`ring`] exists, so that the whole workspace
+//! The application is `bin/monitor.rs`. On a PC only [`ring`] exists, so that the whole workspace
 //! checks there.
 #![cfg_attr(target_os = "none", no_std)]
 

@@ -210,7 +210,7 @@ impl QemuExecutor {
     /// # Errors
     /// [`image::ImageError`].
     pub fn build() -> Result<Self, image::ImageError> {
-        let elf = image::build("surefix", &[])?;
+        let elf = image::build("monitor", &[])?;
         Ok(Self { elf })
     }
 }

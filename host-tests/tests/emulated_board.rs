@@ -20,7 +20,7 @@ fn board(features: &[&str]) -> Option<PathBuf> {
         eprintln!("SKIPPED: {missing}");
         return None;
     }
-    Some(image::build("surefix", features).unwrap())
+    Some(image::build("monitor", features).unwrap())
 }
 
 fn native(fill: impl FnOnce(&mut [u8]) -> Result<usize, native::Full>) -> Vec<u8> {

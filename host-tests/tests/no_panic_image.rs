@@ -26,7 +26,7 @@ fn the_image_that_calls_all_of_core_links_without_a_panic() {
 #[test]
 fn the_application_links_without_a_panic() {
     if ready() {
-        image::build("surefix", &["no-panic"]).unwrap();
+        image::build("monitor", &["no-panic"]).unwrap();
     }
 }
 

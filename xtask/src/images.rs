@@ -11,7 +11,7 @@ use crate::workspace::{TARGET, Workspace};
 use crate::{Failure, Result, sizes};
 
 /// The image that every board runs.
-pub const APPLICATION: &str = "surefix";
+pub const APPLICATION: &str = "monitor";
 
 /// A board the application is linked for.
 pub struct Board {
