@@ -7,17 +7,7 @@
 //! ```
 //!
 //! Why it tests, excludes and bounds as it does: docs/decisions/002-snapshot-monitor.md.
-//!
-//! | symbol | code | unit | meaning |
-//! |--------|------|------|---------|
-//! | slope √λ | `slope.hpl_m`, `slope.vpl_m` | m | shift by the largest fault the test misses with P_MD [BROWN-1992] |
-//! | σ      | `sigma_horizontal_m`, `sigma_vertical_m` | m | fault-free error, the ionosphere common to all satellites included |
-//! | K_md   | `k_missed_horizontal`, `k_missed_vertical` | 1 | √(−2 ln P_MD) (circle), Q⁻¹(P_MD/2) |
-//! | K_ff   | `k_fault_free` | 1 | Q⁻¹(p/2), p the fault-free risk of the phase |
-//!
-//! Level = max(slope √λ + K_md σ, K_ff σ). The slope alone, as [BROWN-1992] has it, leaves out the noise on
-//! top of the fault; with K_md σ the probability of a missed fault *and* an error above the level is at
-//! most P_MD for every size of the fault: derivation in docs/decisions/002-snapshot-monitor.md.
+//! Levels: `raim/level.rs`.
 
 use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
 use crate::config::{Config, ConfigError};
@@ -29,10 +19,11 @@ use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satelli
 use crate::integrity::{Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict};
 use crate::linalg::qr::WhitenedQr;
 use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
-use crate::raim::slope::{NoLevel, Sensitivity, semi_major_axis_m};
+use crate::raim::level::LevelFactors;
+use crate::raim::slope::{NoLevel, Sensitivity};
 use crate::raim::thresholds::RaimTable;
 use crate::raim::{RaimError, parity};
-use crate::stats::{StatsError, normal};
+use crate::stats::StatsError;
 
 const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
 
@@ -96,9 +87,7 @@ enum Test {
 pub struct SnapshotMonitor {
     config: Option<Config>,
     thresholds: RaimTable,
-    k_fault_free: f64,
-    k_missed_horizontal: f64,
-    k_missed_vertical: f64,
+    factors: Option<LevelFactors>,
     workspace: SnapshotWorkspace,
     qr: WhitenedQr,
     sensitivity: Sensitivity,
@@ -113,9 +102,7 @@ impl SnapshotMonitor {
     pub const EMPTY: Self = Self {
         config: None,
         thresholds: RaimTable::EMPTY,
-        k_fault_free: 0.0,
-        k_missed_horizontal: 0.0,
-        k_missed_vertical: 0.0,
+        factors: None,
         workspace: SnapshotWorkspace::EMPTY,
         qr: WhitenedQr::EMPTY,
         sensitivity: Sensitivity::EMPTY,
@@ -137,11 +124,10 @@ impl SnapshotMonitor {
         self.thresholds
             .fill(requirements.p_fa, requirements.p_md)
             .map_err(ConfigureError::Stats)?;
-        self.k_fault_free = normal::upper_quantile(0.5 * requirements.p_fault_free)
-            .map_err(ConfigureError::Stats)?;
-        self.k_missed_vertical =
-            normal::upper_quantile(0.5 * requirements.p_md).map_err(ConfigureError::Stats)?;
-        self.k_missed_horizontal = libm::sqrt(-2.0 * libm::log(requirements.p_md));
+        self.factors = Some(
+            LevelFactors::new(requirements.p_md, requirements.p_fault_free)
+                .map_err(ConfigureError::Stats)?,
+        );
         self.config = Some(*config);
         Ok(())
     }
@@ -346,18 +332,9 @@ impl SnapshotMonitor {
             &self.independent_sigma_m,
             &self.common_errors_m,
         );
-        let sigma_horizontal_m = semi_major_axis_m(&covariance);
-        let sigma_vertical_m = libm::sqrt(covariance.m33);
-        Ok((
-            larger(
-                slope.hpl_m + self.k_missed_horizontal * sigma_horizontal_m,
-                self.k_fault_free * sigma_horizontal_m,
-            ),
-            larger(
-                slope.vpl_m + self.k_missed_vertical * sigma_vertical_m,
-                self.k_fault_free * sigma_vertical_m,
-            ),
-        ))
+        let factors = self.factors.ok_or(NoBound::NotFinite)?;
+        let [hpl_m, vpl_m] = factors.levels_m(&slope, &covariance);
+        Ok((hpl_m, vpl_m))
     }
 }
 
@@ -368,11 +345,6 @@ fn are_plausible(clock_m: &[Option<f64>; MAX_CLOCKS]) -> bool {
         libm::fabs(a) <= MAX_RECEIVER_CLOCK_M
             && clocks().all(|b| libm::fabs(a - b) <= MAX_INTER_SYSTEM_M)
     })
-}
-
-/// The larger of two levels; NaN if either is.
-fn larger(a: f64, b: f64) -> f64 {
-    if a.is_nan() || a > b { a } else { b }
 }
 
 /// What the test and the levels mean for the user.
@@ -481,13 +453,5 @@ mod tests {
             Some(1.01 * MAX_INTER_SYSTEM_M)
         ]));
         assert!(!are_plausible(&[Some(f64::NAN), None, None]));
-    }
-
-    #[test]
-    fn the_larger_of_two_levels_is_nan_when_one_is() {
-        assert!(larger(f64::NAN, 1.0).is_nan());
-        assert!(larger(1.0, f64::NAN).is_nan());
-        assert_eq!(larger(2.0, 1.0), 2.0);
-        assert_eq!(larger(1.0, 2.0), 2.0);
     }
 }

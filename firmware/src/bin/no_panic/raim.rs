@@ -6,6 +6,7 @@ use surefix_core::consts::MAX_SATELLITES;
 use surefix_core::linalg::LinearModel;
 use surefix_core::linalg::qr::WhitenedQr;
 use surefix_core::raim::exclusion::{self, ExclusionWorkspace, RowSet};
+use surefix_core::raim::level::LevelFactors;
 use surefix_core::raim::ls::{self, LeastSquaresWorkspace};
 use surefix_core::raim::slope::{self, Sensitivity};
 use surefix_core::raim::thresholds::RaimTable;
@@ -82,4 +83,9 @@ fn slopes(model: &LinearModel, qr: &mut WhitenedQr) {
     );
     let covariance = sensitivity.position_covariance(model, &sigma_m, common_m);
     call1(slope::semi_major_axis_m, &covariance);
+    call2(LevelFactors::new, 1e-3, 1e-7);
+    let factors = LevelFactors::new(black_box(1e-3), black_box(1e-7));
+    if let (Ok(factors), Ok(levels)) = (factors, sensitivity.levels(black_box(1.0))) {
+        call3(LevelFactors::levels_m, &factors, &levels, &covariance);
+    }
 }
