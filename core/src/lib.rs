@@ -11,6 +11,7 @@
 //! | [`consts`], [`time`], [`linalg`], [`stats`], [`frames`] | numbers: sourced constants, GNSS time, small QR, tails and quantiles, geodesy |
 //! | [`wire`] | bytes to checked messages (RTCM 3, surefix's own frame), and the output frame |
 //! | [`gnss`] | satellites: observation epochs, broadcast orbits and clocks, atmosphere, sigmas, the snapshot solution |
+//! | [`ins`] | inertial samples to position, velocity and attitude |
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels |
 //! | [`integrity`] | phases of flight, reasons, the verdict |
 //! | [`ingest`], `report` | checked messages to domain types; verdict to output messages |
@@ -34,6 +35,7 @@ pub mod consts;
 pub mod frames;
 pub mod gnss;
 pub mod ingest;
+pub mod ins;
 pub mod integrity;
 pub mod linalg;
 pub mod monitor;

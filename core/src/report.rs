@@ -27,6 +27,31 @@ pub struct Fix {
     pub clock_m: [Option<f64>; System::ALL.len()],
 }
 
+/// What the tightly coupled filter says besides the position; one sigma are its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Navigation {
+    /// Velocity of the antenna against the Earth, ECEF, m/s.
+    pub v_e_mps: [f64; 3],
+    /// Rotation from body to ECEF, scalar first and not negative.
+    pub q_e_b: [f64; 4],
+    /// Roll, pitch, heading, degrees.
+    pub roll_pitch_heading_deg: [f64; 3],
+    /// Receiver clock bias, m, and drift, m/s.
+    pub clock: [f64; 2],
+    /// One sigma of the position, east, north, up, m.
+    pub sigma_position_enu_m: [f64; 3],
+    /// One sigma of the velocity, east, north, up, m/s.
+    pub sigma_velocity_enu_mps: [f64; 3],
+    /// One sigma of the attitude about east, north, up, degrees.
+    pub sigma_attitude_enu_deg: [f64; 3],
+    /// Fault-free horizontal and vertical level, m: what the filter's covariance alone bounds.
+    pub fault_free_m: [f64; 2],
+    /// Normalised innovation squared of the epoch, 1.
+    pub nis: f64,
+    /// Measurements in it: pseudoranges and range rates.
+    pub nis_rows: u8,
+}
+
 /// What to know of an epoch besides its verdict.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]

@@ -2,6 +2,7 @@
 
 pub mod atmosphere;
 pub mod clock;
+pub mod corrected;
 pub mod ephemeris;
 pub mod klobuchar;
 pub mod measurement;
@@ -15,6 +16,7 @@ pub mod solution;
 pub mod store;
 pub mod weights;
 
+pub use corrected::{CorrectedEpoch, CorrectedMeasurement};
 pub use ephemeris::{Ephemeris, NavMessage};
 pub use klobuchar::{BroadcastIonosphere, KlobucharParameters};
 pub use observation::{ObservationEpoch, SatelliteObservation, SignalObservation};

@@ -4,4 +4,4 @@ pub mod phases;
 pub mod verdict;
 
 pub use phases::{Phase, PhaseRequirements};
-pub use verdict::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
+pub use verdict::{InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};

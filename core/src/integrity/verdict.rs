@@ -30,6 +30,33 @@ pub enum Mode {
     Tight = 2,
 }
 
+/// What the inertial side does, and why it does not serve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+#[repr(u8)]
+pub enum InertialStatus {
+    /// No inertial unit is configured.
+    Off = 0,
+    /// No sample has arrived yet.
+    NoSample = 1,
+    /// Samples arrive; position, velocity or attitude to start from are not known yet.
+    Aligning = 2,
+    /// The filter runs.
+    Running = 3,
+    /// Samples stopped, or there was a gap too long to bridge.
+    ImuSilent = 4,
+    /// Samples at the end of the sensors' range for too long.
+    ImuSaturated = 5,
+    /// Samples that are no numbers for too long.
+    ImuNotFinite = 6,
+    /// Time of the samples ran backwards, or away from that of the receiver.
+    ImuTime = 7,
+    /// The covariance or the state of the filter became unusable.
+    Unhealthy = 8,
+    /// The receiver's epoch came after samples that are later by more than one interval.
+    EpochLate = 9,
+}
+
 /// Why a verdict is what it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -60,6 +87,8 @@ pub enum Reason {
     /// The receiver clock lies farther from the systems' times than a receiver lets it, or the
     /// systems' clocks lie too far apart: an error common to all satellites, which no residual shows.
     ImplausibleClock = 11,
+    /// The receiver gave no epoch when one was due; the position is the filter's own.
+    ReceiverSilent = 12,
 }
 
 /// Why there is no protection level.
@@ -218,9 +247,46 @@ impl Mode {
     }
 }
 
+impl InertialStatus {
+    /// Every status, in the order of its number in a report frame.
+    pub const ALL: [Self; 10] = [
+        Self::Off,
+        Self::NoSample,
+        Self::Aligning,
+        Self::Running,
+        Self::ImuSilent,
+        Self::ImuSaturated,
+        Self::ImuNotFinite,
+        Self::ImuTime,
+        Self::Unhealthy,
+        Self::EpochLate,
+    ];
+
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::NoSample => "no_sample",
+            Self::Aligning => "aligning",
+            Self::Running => "running",
+            Self::ImuSilent => "imu_silent",
+            Self::ImuSaturated => "imu_saturated",
+            Self::ImuNotFinite => "imu_not_finite",
+            Self::ImuTime => "imu_time",
+            Self::Unhealthy => "unhealthy",
+            Self::EpochLate => "epoch_late",
+        }
+    }
+
+    /// The status of a number in a report frame.
+    pub fn from_u8(number: u8) -> Option<Self> {
+        Self::ALL.get(number as usize).copied()
+    }
+}
+
 impl Reason {
     /// Every reason, in the order of its number in a report frame.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::None,
         Self::TooFewSatellites,
         Self::NoRedundancy,
@@ -233,6 +299,7 @@ impl Reason {
         Self::DeadlineMissed,
         Self::NotConfigured,
         Self::ImplausibleClock,
+        Self::ReceiverSilent,
     ];
 
     /// Name in files.
@@ -250,6 +317,7 @@ impl Reason {
             Self::DeadlineMissed => "deadline_missed",
             Self::NotConfigured => "not_configured",
             Self::ImplausibleClock => "implausible_clock",
+            Self::ReceiverSilent => "receiver_silent",
         }
     }
 
@@ -278,5 +346,8 @@ mod tests {
             assert_eq!(Reason::from_u8(reason as u8), Some(reason));
         }
         assert_eq!(Reason::from_u8(Reason::ALL.len() as u8), None);
+        for status in InertialStatus::ALL {
+            assert_eq!(InertialStatus::from_u8(status as u8), Some(status));
+        }
     }
 }

@@ -1,0 +1,12 @@
+//! Inertial navigation: samples of a unit of gyroscopes and accelerometers to position, velocity and
+//! attitude in ECEF.
+//!
+//! Frames: i inertial, e ECEF, b body (forward, right, down), s the axes of the inertial unit as it is
+//! mounted.
+
+pub mod sample;
+
+pub use sample::{
+    AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
+    InitialSigma, InitialState, ReferenceModel, SensorRange,
+};
