@@ -32,6 +32,7 @@ extern crate std;
 pub mod budget;
 pub mod config;
 pub mod consts;
+pub mod ekf;
 pub mod frames;
 pub mod gnss;
 pub mod ingest;

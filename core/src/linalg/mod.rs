@@ -1,5 +1,6 @@
 //! Small fixed-capacity linear algebra that can say no.
 
+pub mod block3;
 pub mod qr;
 
 use crate::consts::{MAX_SATELLITES, MAX_UNKNOWNS};
