@@ -19,6 +19,7 @@
 //! specific force is the sum of the velocity increments in ECEF, sculling included, over its length,
 //! its attitude the one before the sample that starts in its middle.
 
+pub mod double;
 pub mod earth;
 pub mod filter;
 pub mod navigator;
