@@ -532,7 +532,8 @@ mod tests {
             let (phi, q) = dense::whole_transition(&t);
             let p = phi * dense::covariance(&filter) * phi.transpose() + q;
             let x = phi * dense::state(filter.state());
-            filter.predict(&t, &mut PredictWorkspace::EMPTY);
+            let mut workspace = PredictWorkspace::EMPTY;
+            filter.predict(&t, &mut workspace);
             assert!((dense::covariance(&filter) - p).amax() < 1e-13);
             assert!((dense::state(filter.state()) - x).amax() < 1e-14);
         }

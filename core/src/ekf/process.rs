@@ -392,3 +392,176 @@ fn accumulate_clock(clock: &mut ClockTransition, noise: &ClockNoise, h: f64) {
         offset_var: clock.offset_var + h * noise.inter_system_psd,
     };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ekf::dense::{self, Noise, random_block};
+    use nalgebra::{Matrix3, SMatrix};
+
+    type Matrix = SMatrix<f64, 15, 15>;
+    const EARTH_RATE: f64 = 7.292_115e-5;
+    const NOISE: InertialNoise = InertialNoise {
+        arw: 1e-3,
+        vrw: 2e-2,
+        gyro_bias_walk: 3e-4,
+        accel_bias_walk: 4e-3,
+    };
+    const CLOCK: ClockNoise = ClockNoise {
+        bias_psd: 0.009,
+        drift_psd: 0.0355,
+        drift_decay_per_s: 0.01,
+        inter_system_psd: 1e-4,
+    };
+
+    fn matrix(b: &Block) -> Matrix3<f64> {
+        Matrix3::from_row_slice(b)
+    }
+
+    fn put(m: &mut Matrix, row: usize, column: usize, b: Matrix3<f64>) {
+        m.fixed_view_mut::<3, 3>(3 * row, 3 * column).copy_from(&b);
+    }
+
+    /// F of the model, written down from the equations of the head.
+    fn dynamics(gradient: &Block, force: [f64; 3], c: &Block) -> Matrix {
+        let omega = matrix(&skew([0.0, 0.0, EARTH_RATE]));
+        let mut f = Matrix::zeros();
+        put(&mut f, 0, 1, Matrix3::identity());
+        put(&mut f, 1, 0, matrix(gradient));
+        put(&mut f, 1, 1, -2.0 * omega);
+        put(&mut f, 1, 2, -matrix(&skew(force)));
+        put(&mut f, 1, 4, matrix(c));
+        put(&mut f, 2, 2, -omega);
+        put(&mut f, 2, 3, matrix(c));
+        f
+    }
+
+    fn density() -> Matrix {
+        let mut g = Matrix::zeros();
+        let densities = [
+            0.0,
+            NOISE.vrw,
+            NOISE.arw,
+            NOISE.gyro_bias_walk,
+            NOISE.accel_bias_walk,
+        ];
+        for (block, density) in densities.into_iter().enumerate() {
+            put(
+                &mut g,
+                block,
+                block,
+                Matrix3::identity() * density * density,
+            );
+        }
+        g
+    }
+
+    fn random_lever(noise: &mut Noise) -> LeverState {
+        LeverState::new(
+            [noise.next(), noise.next(), noise.next()],
+            &random_block(noise),
+            [noise.next(), noise.next(), noise.next()],
+            EARTH_RATE,
+        )
+    }
+
+    /// An epoch of 0.25 s at 100 Hz: two substeps and a half.
+    fn accumulated(
+        before: &LeverState,
+        after: &LeverState,
+        noise: &mut Noise,
+    ) -> (Transition, Matrix, Matrix) {
+        let gradient = random_block(noise).map(|entry| 1e-6 * entry);
+        let mut process = ProcessAccumulator::EMPTY;
+        process.start(&NOISE, &CLOCK, EARTH_RATE, before);
+        process.set_gradient(&gradient);
+        let (mut phi, mut q) = (Matrix::identity(), Matrix::zeros());
+        let (mut dv_sum, mut middle) = ([0.0; 3], IDENTITY);
+        let mut steps = 0;
+        for sample in 1..=25 {
+            let dv = [noise.next(), noise.next(), noise.next()];
+            let c = random_block(noise);
+            process.add(0.01, dv, &c);
+            steps += 1;
+            for (sum, dv) in dv_sum.iter_mut().zip(dv) {
+                *sum += dv;
+            }
+            if steps <= 5 {
+                middle = c;
+            }
+            if steps == 10 || sample == 25 {
+                let h = 0.01 * f64::from(steps);
+                let f = dynamics(&gradient, dv_sum.map(|dv| dv / h), &middle);
+                let substep = Matrix::identity() + f * h + f * f * (0.5 * h * h);
+                let half = density() * (0.5 * h);
+                q = substep * (q + half) * substep.transpose() + half;
+                phi = substep * phi;
+                (dv_sum, steps) = ([0.0; 3], 0);
+            }
+        }
+        (process.finish(after).clone(), phi, q)
+    }
+
+    #[test]
+    fn an_epoch_is_the_product_of_its_substeps() {
+        let mut noise = Noise(5);
+        let (t, phi, q) = accumulated(&LeverState::ZERO, &LeverState::ZERO, &mut noise);
+        assert!((dense::transition(&t.phi) - phi).amax() < 1e-13);
+        assert!((dense::navigation(&t.noise) - q).amax() < 1e-15);
+    }
+
+    #[test]
+    fn with_a_lever_arm_the_states_are_those_of_the_antenna() {
+        let mut noise = Noise(6);
+        let (before, after) = (random_lever(&mut noise), random_lever(&mut noise));
+        let (t, phi, q) = accumulated(&before, &after, &mut noise);
+        let antenna = |lever: &LeverState| {
+            let mut t = Matrix::identity();
+            put(&mut t, 0, 2, -matrix(&skew(lever.arm_e_m)));
+            put(&mut t, 1, 2, -matrix(&skew(lever.arm_rate_e_mps)));
+            put(&mut t, 1, 3, -matrix(&lever.rate_per_bias));
+            t
+        };
+        let (t0, t1) = (antenna(&before), antenna(&after));
+        let phi = t1 * phi * t0.try_inverse().unwrap();
+        let q = t1 * q * t1.transpose();
+        assert!((dense::transition(&t.phi) - phi).amax() < 1e-12);
+        assert!((dense::navigation(&t.noise) - q).amax() < 1e-14);
+        // And back: what feedback takes from the nominal of the unit.
+        let mut state = ErrorState::<{ dense::K }>::ZERO;
+        for entry in state.navigation.iter_mut().flatten() {
+            *entry = noise.next();
+        }
+        let unit = after.error_of_unit(&state);
+        let expected = t1.try_inverse().unwrap() * dense::state(&state).fixed_rows::<15>(0);
+        assert!((dense::state(&unit).fixed_rows::<15>(0) - expected).amax() < 1e-14);
+    }
+
+    #[test]
+    fn the_clock_of_an_epoch_is_near_its_closed_form() {
+        let mut process = ProcessAccumulator::EMPTY;
+        process.start(&NOISE, &CLOCK, EARTH_RATE, &LeverState::ZERO);
+        for _ in 0..100 {
+            process.add(0.01, [0.0; 3], &IDENTITY);
+        }
+        let clock = process.finish(&LeverState::ZERO).clock;
+        let beta = CLOCK.drift_decay_per_s;
+        let decay = libm::exp(-beta);
+        let near = |value: f64, expected: f64, relative: f64| {
+            assert!(
+                (value / expected - 1.0).abs() < relative,
+                "{value} {expected}"
+            );
+        };
+        near(clock.decay, decay, 1e-7);
+        near(clock.bias_per_drift_s, (1.0 - decay) / beta, 1e-6);
+        near(
+            clock.drift_var,
+            CLOCK.drift_psd * (1.0 - decay * decay) / (2.0 * beta),
+            1e-6,
+        );
+        near(clock.bias_var, CLOCK.bias_psd + CLOCK.drift_psd / 3.0, 0.01);
+        near(clock.bias_drift_cov, CLOCK.drift_psd / 2.0, 0.01);
+        near(clock.offset_var, CLOCK.inter_system_psd, 1e-12);
+    }
+}

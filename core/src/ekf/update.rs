@@ -475,7 +475,8 @@ mod tests {
                 information.add_row(&row);
                 nis += textbook(&mut p, &mut x, &row);
             }
-            let summary = filter.update(&information, &mut UpdateWorkspace::<K, M>::EMPTY);
+            let mut workspace = UpdateWorkspace::<K, M>::EMPTY;
+            let summary = filter.update(&information, &mut workspace);
             assert!((dense::covariance(&filter) - p).amax() < 1e-12);
             assert!((dense::state(filter.state()) - x).amax() < 1e-12);
             assert!((summary.nis - nis).abs() < 1e-10, "{satellites}");

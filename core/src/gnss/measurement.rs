@@ -380,7 +380,7 @@ pub struct RangeGeometry {
 /// Turns a vector of the frame of transmission into the frame of reception.
 ///
 /// cos θ ≈ 1 − θ²/2 and sin θ ≈ θ − θ³/6 are exact to the last bit: θ is below 10⁻⁴.
-fn rotated(angle: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
+pub(super) fn rotated(angle: f64, [x, y, z]: [f64; 3]) -> [f64; 3] {
     let square = angle * angle;
     let cos = 1.0 - 0.5 * square;
     let sin = angle * (1.0 - square / 6.0);

@@ -24,12 +24,13 @@
 use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
-use super::measurement::{Measurement, measure, range_geometry, satellite_range_rate};
+use super::measurement::{Measurement, measure, range_geometry, rotated, satellite_range_rate};
 use super::normals::{Estimate, Normals};
 use super::sky::{Models, Sky};
 use super::weights::{RowSigma, range_rate_sigma_mps};
 use super::{
-    BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satellite, SatelliteSet, System,
+    BroadcastIonosphere, CorrectedEpoch, CorrectedMeasurement, EphemerisStore, ObservationEpoch,
+    Satellite, SatelliteSet, System,
 };
 use crate::config::{Config, IonosphereModel};
 use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, MAX_UNKNOWNS};
@@ -267,6 +268,52 @@ impl SnapshotWorkspace {
             azimuth_rad: row.sky.azimuth_rad,
             sigma: row.sky.sigma,
         })
+    }
+
+    /// The satellites above the mask as a filter takes them, seen from an antenna whose position and
+    /// velocity (ECEF) are known well; those in `excluded` are left out. The range rate's denominator
+    /// (`measurement.rs`) is taken out with the velocity given. Sigmas are those of the whole error.
+    ///
+    /// # Errors
+    /// [`SnapshotError::ImplausiblePosition`]; `out` is then empty.
+    #[inline(never)]
+    pub fn corrected(
+        &mut self,
+        r_e: [f64; 3],
+        v_e: [f64; 3],
+        excluded: SatelliteSet,
+        out: &mut CorrectedEpoch,
+    ) -> Result<(), SnapshotError> {
+        out.time = self.time;
+        out.rows.clear();
+        self.look_from(r_e)?;
+        for row in &self.rows {
+            let measurement = &row.measurement;
+            if excluded.contains(measurement.satellite) || !row.sky.above_mask {
+                continue;
+            }
+            let geometry = range_geometry(measurement.r_e_m, r_e);
+            let u = Vector3::from(geometry.line_of_sight_e);
+            let v_es_e = rotated(geometry.angle, measurement.v_e_mps);
+            let approaching = u.dot(&(Vector3::from(v_es_e) - Vector3::from(v_e)));
+            let (_, factor) = satellite_range_rate(measurement, &geometry);
+            let range_rate_mps = measurement.range_rate_mps.map(|rate_mps| {
+                (
+                    rate_mps + measurement.clock_drift_mps - (factor - 1.0) * approaching,
+                    range_rate_sigma_mps(row.sky.sin_elevation),
+                )
+            });
+            // As many rows as satellites in an epoch, so it fits.
+            let _ = out.rows.push(CorrectedMeasurement {
+                satellite: measurement.satellite,
+                r_es_e_m: (Vector3::from(r_e) + u * geometry.range_m).into(),
+                v_es_e_mps: v_es_e,
+                pseudorange_m: measurement.pseudorange_m + measurement.clock_m - row.sky.delay_m,
+                sigma_pseudorange_m: row.sky.sigma.total_m(),
+                range_rate_mps,
+            });
+        }
+        Ok(())
     }
 
     fn used(&self) -> impl Iterator<Item = &Row> {
