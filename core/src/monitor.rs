@@ -14,7 +14,9 @@ use crate::budget::{CycleCounter, Ledger};
 use crate::config::Config;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore};
 use crate::ingest::{Event, Ingest};
-use crate::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
+use crate::integrity::{
+    InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
+};
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
 use crate::time::{GpsTime, NS_PER_WEEK};
@@ -97,7 +99,13 @@ impl Monitor {
 
     fn take(&mut self, event: Event) -> Option<Ready> {
         match event {
-            Event::Nothing | Event::StationPosition(_) => None,
+            Event::Nothing
+            | Event::StationPosition(_)
+            | Event::Inertial(_)
+            | Event::Imu(_)
+            | Event::InitialState(_)
+            | Event::ReferenceModel(_)
+            | Event::CorrectedEpochReady => None,
             Event::Configuration(config) => {
                 if self.first_epoch.is_some() || self.configure(&config).is_err() {
                     self.refused_configurations = self.refused_configurations.saturating_add(1);
@@ -212,5 +220,7 @@ fn report_of(
                 .is_some_and(|solution| solution.no_broadcast_ionosphere),
             clock_reset: epoch.flags.clock_reset,
         },
+        navigation: None,
+        inertial: InertialStatus::Off,
     }
 }
