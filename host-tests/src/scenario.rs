@@ -5,6 +5,7 @@
 
 pub mod folder;
 pub mod result;
+pub mod run;
 pub mod table;
 
 pub use folder::{GnssEpoch, GnssRow, ImuRow, Init, Scenario};

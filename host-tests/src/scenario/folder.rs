@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use surefix_core::gnss::{Satellite, System};
 
 use super::table::Table;
 
@@ -41,8 +42,8 @@ pub struct GnssEpoch {
 /// One satellite of an epoch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GnssRow {
-    /// Letter and two digits: C03, G15.
-    pub name: String,
+    /// Which satellite.
+    pub satellite: Satellite,
     /// Satellite at transmission, ECEF of reception, m.
     pub r_es_e_m: [f64; 3],
     /// Its velocity against the Earth, m/s.
@@ -149,7 +150,7 @@ impl Scenario {
     /// Names of every satellite that occurs, sorted.
     pub fn satellites(&self) -> Vec<String> {
         let rows = self.epochs.iter().flat_map(|epoch| &epoch.rows);
-        let mut names: Vec<String> = rows.map(|row| row.name.clone()).collect();
+        let mut names: Vec<String> = rows.map(|row| row.satellite.to_string()).collect();
         names.sort();
         names.dedup();
         names
@@ -196,21 +197,24 @@ fn read_gnss(path: &Path, t0_s: f64) -> Result<Vec<GnssEpoch>> {
             bail!("{}: {t_s} does not come after {last_s}", row.place(time));
         }
         let letter = row.text(system)?;
-        if !matches!(letter, "C" | "G" | "E") {
+        let Some(constellation) = System::ALL
+            .into_iter()
+            .find(|system| system.letter().to_string() == letter)
+        else {
             bail!(
                 "{}: \"{letter}\" is none of C (BDS), G (GPS), E (Galileo)",
                 row.place(system)
             );
-        }
-        let prn: u8 = match row.text(number)?.parse() {
-            Ok(prn @ 1..=99) => prn,
-            _ => bail!(
-                "{}: \"{}\" is not a number from 1 to 99",
-                row.place(number),
-                row.text(number)?
-            ),
         };
-        let name = format!("{letter}{prn:02}");
+        let prn = row.text(number)?;
+        let satellite = prn.parse().ok();
+        let Some(satellite) = satellite.and_then(|prn| Satellite::new(constellation, prn)) else {
+            bail!(
+                "{}: \"{prn}\" is not a number from 1 to {}",
+                row.place(number),
+                constellation.max_prn()
+            );
+        };
         if epochs.last().is_none_or(|epoch| epoch.t_s != t_s) {
             let rows = Vec::new();
             epochs.push(GnssEpoch { t_s, rows });
@@ -218,11 +222,11 @@ fn read_gnss(path: &Path, t0_s: f64) -> Result<Vec<GnssEpoch>> {
         let Some(epoch) = epochs.last_mut() else {
             continue;
         };
-        if epoch.rows.iter().any(|other| other.name == name) {
-            bail!("{}: {name} occurs twice at {t_s} s", row.place(number));
+        if epoch.rows.iter().any(|other| other.satellite == satellite) {
+            bail!("{}: {satellite} occurs twice at {t_s} s", row.place(number));
         }
         epoch.rows.push(GnssRow {
-            name,
+            satellite,
             r_es_e_m: row.numbers(position)?,
             v_es_e_mps: row.numbers(velocity)?,
             pseudorange_m: row.number(pseudorange)?,

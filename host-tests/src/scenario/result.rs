@@ -12,7 +12,7 @@ use super::table::{Column, Table};
 pub const COLUMNS: &str =
     "t_s,px,py,pz,vx,vy,vz,qw,qx,qy,qz,clk_b,clk_d,hpl,vpl,hpl0,detected,excluded,n_sats";
 
-/// One epoch.
+/// One epoch; NaN where there is no solution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResultRow {
     /// Time, s.
@@ -114,13 +114,13 @@ impl ResultFile {
                 .collect();
             rows.push(ResultRow {
                 t_s,
-                r_eb_e_m: row.numbers(position)?,
-                v_eb_e_mps: row.numbers(velocity)?,
-                q_e_b: row.numbers(attitude)?,
-                clock: row.numbers(clock)?,
-                hpl_m: row.number(hpl)?,
-                vpl_m: row.number(vpl)?,
-                hpl0_m: row.number(hpl0)?,
+                r_eb_e_m: row.any_numbers(position)?,
+                v_eb_e_mps: row.any_numbers(velocity)?,
+                q_e_b: row.any_numbers(attitude)?,
+                clock: row.any_numbers(clock)?,
+                hpl_m: row.any_number(hpl)?,
+                vpl_m: row.any_number(vpl)?,
+                hpl0_m: row.any_number(hpl0)?,
                 detected: row.number(detected)? != 0.0,
                 excluded: match row.text(excluded)? {
                     "-" => Vec::new(),
@@ -243,7 +243,7 @@ impl ResultRow {
             .chain(&self.clock)
             .chain([&self.hpl_m, &self.vpl_m, &self.hpl0_m]);
         for number in numbers {
-            let _ = write!(text, ",{number}");
+            write_number(text, *number);
         }
         let excluded = if self.excluded.is_empty() {
             "-".into()
@@ -253,12 +253,16 @@ impl ResultRow {
         let detected = u8::from(self.detected);
         let _ = write!(text, ",{detected},{excluded},{}", self.n_sats);
         for number in self.tests.iter().flatten() {
-            if number.is_nan() {
-                text.push_str(",nan");
-            } else {
-                let _ = write!(text, ",{number}");
-            }
+            write_number(text, *number);
         }
         text.push('\n');
+    }
+}
+
+fn write_number(text: &mut String, number: f64) {
+    if number.is_nan() {
+        text.push_str(",nan");
+    } else {
+        let _ = write!(text, ",{number}");
     }
 }

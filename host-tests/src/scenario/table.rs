@@ -163,6 +163,18 @@ impl<'t> Row<'t> {
         Ok(values)
     }
 
+    /// Several numbers; `nan` is one.
+    ///
+    /// # Errors
+    /// See [`Row::any_number`].
+    pub fn any_numbers<const N: usize>(&self, columns: [Column; N]) -> Result<[f64; N]> {
+        let mut values = [0.0; N];
+        for (value, column) in values.iter_mut().zip(columns) {
+            *value = self.any_number(column)?;
+        }
+        Ok(values)
+    }
+
     /// File, line and column, for messages.
     pub fn place(&self, column: Column) -> String {
         let name = self.table.header.get(column.0).map_or("?", String::as_str);
