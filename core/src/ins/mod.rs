@@ -4,8 +4,11 @@
 //! Frames: i inertial, e ECEF, b body (forward, right, down), s the axes of the inertial unit as it is
 //! mounted.
 
+pub mod gravity;
+pub mod mechanisation;
 pub mod sample;
 
+pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, ReferenceModel, SensorRange,
