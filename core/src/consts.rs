@@ -27,6 +27,15 @@ pub const WGS84_A_M: f64 = 6_378_137.0;
 /// beside any level surefix prints.
 pub const WGS84_F: f64 = 1.0 / 298.257_223_563;
 
+/// Gravitational constant times mass of the Earth, m³/s². [NGA.STND.0036] table 3.1.
+pub const WGS84_MU: f64 = 3.986_004_418e14;
+
+/// Earth rotation rate of inertial navigation, rad/s. [NGA.STND.0036] table 3.1.
+pub const OMEGA_EARTH_WGS84_RADPS: f64 = 7.292_115e-5;
+
+/// Second zonal harmonic of the Earth's gravitation. [GROVES-2013] chapter 2.
+pub const WGS84_J2: f64 = 1.082_627e-3;
+
 /// Most satellites one epoch holds: GPS, BDS and Galileo average 32 in the open sky of Europe.
 pub const MAX_SATELLITES: usize = 48;
 

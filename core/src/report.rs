@@ -6,7 +6,9 @@
 
 use crate::gnss::satellite::SatelliteSet;
 use crate::gnss::{System, solution::SATELLITE_REASONS};
-use crate::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
+use crate::integrity::{
+    InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
+};
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
 
@@ -120,12 +122,18 @@ pub struct EpochReport {
     pub unused: [u8; SATELLITE_REASONS],
     /// What else to know.
     pub flags: ReportFlags,
+    /// What the filter says, if it says something.
+    pub navigation: Option<Navigation>,
+    /// What the inertial side does.
+    pub inertial: InertialStatus,
 }
 
 /// Bytes of a report frame, header and CRC included.
 pub const REPORT_FRAME_LENGTH: usize = PAYLOAD_LENGTH + native::HEADER_LEN + native::TRAILER_LEN;
 /// Bytes of its payload.
-const PAYLOAD_LENGTH: usize = 217 + SATELLITE_REASONS;
+const PAYLOAD_LENGTH: usize = 217 + SATELLITE_REASONS + 1 + NAVIGATION_LENGTH;
+/// Bytes of what the filter says in it.
+const NAVIGATION_LENGTH: usize = 24 * 8 + 1;
 
 const HAS_FIX: u16 = 1 << 0;
 const HAS_VELOCITY: u16 = 1 << 1;
@@ -133,6 +141,7 @@ const HAS_CLOCK: [u16; System::ALL.len()] = [1 << 2, 1 << 3, 1 << 4];
 const HAS_VAL: u16 = 1 << 5;
 const HAS_STATISTIC: u16 = 1 << 6;
 const HAS_THRESHOLD: u16 = 1 << 7;
+const HAS_NAVIGATION: u16 = 1 << 8;
 
 /// Why a report payload was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,6 +193,9 @@ fn write_payload(report: &EpochReport, writer: &mut Writer<'_>) -> Result<(), Fu
     if verdict.threshold.is_some() {
         present |= HAS_THRESHOLD;
     }
+    if report.navigation.is_some() {
+        present |= HAS_NAVIGATION;
+    }
     writer.put_u16(present)?;
     writer.put_u8(report.flags.bits())?;
     writer.put_u8(report.mode as u8)?;
@@ -232,7 +244,41 @@ fn write_payload(report: &EpochReport, writer: &mut Writer<'_>) -> Result<(), Fu
     for count in report.unused {
         writer.put_u8(count)?;
     }
-    Ok(())
+    writer.put_u8(report.inertial as u8)?;
+    match &report.navigation {
+        Some(navigation) => write_navigation(navigation, writer),
+        None => (0..NAVIGATION_LENGTH).try_for_each(|_| writer.put_u8(0)),
+    }
+}
+
+fn write_navigation(navigation: &Navigation, writer: &mut Writer<'_>) -> Result<(), Full> {
+    // Taken apart by name, so that a new field cannot be forgotten here.
+    let Navigation {
+        v_e_mps,
+        q_e_b,
+        roll_pitch_heading_deg,
+        clock,
+        sigma_position_enu_m,
+        sigma_velocity_enu_mps,
+        sigma_attitude_enu_deg,
+        fault_free_m,
+        nis,
+        nis_rows,
+    } = navigation;
+    for value in v_e_mps
+        .iter()
+        .chain(q_e_b)
+        .chain(roll_pitch_heading_deg)
+        .chain(clock)
+        .chain(sigma_position_enu_m)
+        .chain(sigma_velocity_enu_mps)
+        .chain(sigma_attitude_enu_deg)
+        .chain(fault_free_m)
+    {
+        writer.put_f64(*value)?;
+    }
+    writer.put_f64(*nis)?;
+    writer.put_u8(*nis_rows)
 }
 
 /// Reads the payload of a [`Kind::Report`] frame.
@@ -266,6 +312,8 @@ pub fn decode(payload: &[u8]) -> Result<EpochReport, ReportError> {
     for count in &mut unused {
         *count = reader.u8()?;
     }
+    let inertial = coded(reader.u8()?, InertialStatus::from_u8)?;
+    let navigation = navigation(&mut reader)?;
     let mut clocks = [None; System::ALL.len()];
     for ((clock, value), bit) in clocks.iter_mut().zip(clock_m).zip(HAS_CLOCK) {
         *clock = has(bit).then_some(value);
@@ -297,6 +345,8 @@ pub fn decode(payload: &[u8]) -> Result<EpochReport, ReportError> {
         n_observed,
         unused,
         flags,
+        navigation: has(HAS_NAVIGATION).then_some(navigation),
+        inertial,
     })
 }
 
@@ -306,6 +356,21 @@ fn coded<T>(code: u8, from: impl Fn(u8) -> Option<T>) -> Result<T, ReportError> 
 
 fn three(reader: &mut Reader<'_>) -> Result<[f64; 3], ReadError> {
     Ok([reader.f64()?, reader.f64()?, reader.f64()?])
+}
+
+fn navigation(reader: &mut Reader<'_>) -> Result<Navigation, ReadError> {
+    Ok(Navigation {
+        v_e_mps: three(reader)?,
+        q_e_b: [reader.f64()?, reader.f64()?, reader.f64()?, reader.f64()?],
+        roll_pitch_heading_deg: three(reader)?,
+        clock: [reader.f64()?, reader.f64()?],
+        sigma_position_enu_m: three(reader)?,
+        sigma_velocity_enu_mps: three(reader)?,
+        sigma_attitude_enu_deg: three(reader)?,
+        fault_free_m: [reader.f64()?, reader.f64()?],
+        nis: reader.f64()?,
+        nis_rows: reader.u8()?,
+    })
 }
 
 fn set(reader: &mut Reader<'_>) -> Result<SatelliteSet, ReadError> {
@@ -364,6 +429,19 @@ mod tests {
             n_observed: 14,
             unused: [3; SATELLITE_REASONS],
             flags: ReportFlags::from_bits(0b10101),
+            navigation: Some(Navigation {
+                v_e_mps: [14.0, -15.0, 16.0],
+                q_e_b: [0.5, -0.5, 0.5, -0.5],
+                roll_pitch_heading_deg: [17.0, -18.0, 359.0],
+                clock: [19.0, -20.0],
+                sigma_position_enu_m: [21.0, 22.0, 23.0],
+                sigma_velocity_enu_mps: [0.24, 0.25, 0.26],
+                sigma_attitude_enu_deg: [0.27, 0.28, 0.29],
+                fault_free_m: [30.0, 31.0],
+                nis: 0.1 + 0.2,
+                nis_rows: 24,
+            }),
+            inertial: InertialStatus::Running,
         }
     }
 
@@ -371,6 +449,8 @@ mod tests {
     fn a_report_comes_back_from_its_frame_as_it_was() {
         let mut none = report();
         none.fix = None;
+        none.navigation = None;
+        none.inertial = InertialStatus::ImuSilent;
         none.verdict = Verdict::unavailable(Reason::TooFewSatellites, 556.0, None);
         for report in [report(), none] {
             let mut bytes = [0; REPORT_FRAME_LENGTH];
@@ -390,7 +470,8 @@ mod tests {
         let (frame, _) = Frame::parse(&bytes).unwrap();
         let mut payload = [0; PAYLOAD_LENGTH];
         payload.copy_from_slice(frame.payload());
-        for place in [3, 4, 5] {
+        let inertial = PAYLOAD_LENGTH - NAVIGATION_LENGTH - 1;
+        for place in [3, 4, 5, inertial] {
             let mut wrong = payload;
             wrong[place] = 200;
             assert_eq!(decode(&wrong), Err(ReportError::UnknownCode { code: 200 }));

@@ -263,6 +263,7 @@ pub fn steps(recording: &Recording, options: &StepsOptions) -> Result<CampaignRe
                 }
                 number += 1;
             }
+            Item::ForFilter(_) => {}
         }
     }
     Ok(result)

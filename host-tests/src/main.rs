@@ -13,7 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{campaign, output, report, simulate};
+use surefix_host_tests::{campaign, output, report, scenario, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -30,6 +30,7 @@ struct Arguments {
 enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
+    Scenario(scenario::run::Args),
     /// Simulate a flight: the bytes a receiver would send, and the truth
     Simulate(simulate::Args),
     /// Many trials of one question, counted
@@ -140,16 +141,48 @@ impl ReplayArguments {
     }
 }
 
-fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
-    let options = arguments.options()?;
-    // Before the replay, which may take minutes.
-    replay::make_directory(&arguments.out)?;
+fn progress_bar() -> Result<ProgressBar> {
     // The default draw target hides itself where stderr is no terminal.
     let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
     bar.set_style(
         ProgressStyle::with_template("{bar:40} {pos}/{len} epochs, {eta} left")
             .context("progress bar")?,
     );
+    Ok(bar)
+}
+
+fn run_scenario(arguments: &scenario::run::Args) -> Result<ExitCode> {
+    let bar = progress_bar()?;
+    let outcome = scenario::run::run_command(arguments, &mut |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    })?;
+    bar.finish_and_clear();
+    println!("{} epochs", outcome.result.rows.len());
+    for (cause, count) in &outcome.losses {
+        println!("input: {cause} {count}");
+    }
+    println!("result: {}", arguments.out.join("result.csv").display());
+    if outcome.without_solution == 0 {
+        return Ok(ExitCode::SUCCESS);
+    }
+    let why = outcome
+        .reports
+        .iter()
+        .find(|report| report.navigation.is_none())
+        .map_or("not reported", |report| report.inertial.name());
+    eprintln!(
+        "surefix: {} epochs have no solution, the first because: {why}; their numbers are nan",
+        outcome.without_solution
+    );
+    Ok(ExitCode::from(1))
+}
+
+fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
+    let options = arguments.options()?;
+    // Before the replay, which may take minutes.
+    replay::make_directory(&arguments.out)?;
+    let bar = progress_bar()?;
     let mut printed = 0;
     let mut last = None;
     let result = replay::run(&options, &mut |reports, all| {
@@ -243,6 +276,7 @@ fn main() -> ExitCode {
     let arguments = Arguments::parse();
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
+        Command::Scenario(arguments) => run_scenario(arguments),
         Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),

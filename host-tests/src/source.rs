@@ -17,11 +17,13 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use surefix_core::config::Config;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
-use surefix_core::gnss::{Ephemeris, ObservationEpoch};
+use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
-    Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_end_of_stream, encode_ephemeris,
-    encode_klobuchar, encode_observations,
+    Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
+    encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
+    encode_klobuchar, encode_observations, encode_reference_model,
 };
+use surefix_core::ins::{ImuSample, InertialConfig, InitialState, ReferenceModel};
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::crc::crc24q;
@@ -41,6 +43,23 @@ pub enum Item {
     Klobuchar(KlobucharParameters),
     /// An observation epoch.
     Epoch(Box<ObservationEpoch>),
+    /// What only a filter takes.
+    ForFilter(FilterInput),
+}
+
+/// What a filter takes besides what a receiver sends.
+#[derive(Clone, Debug)]
+pub enum FilterInput {
+    /// What is known of an inertial unit.
+    Unit(Box<InertialConfig>),
+    /// An inertial sample.
+    Sample(ImuSample),
+    /// A state to start from.
+    State(Box<InitialState>),
+    /// The requirements of a scenario.
+    Model(Box<ReferenceModel>),
+    /// An epoch of corrected measurements.
+    Corrected(Box<CorrectedEpoch>),
 }
 
 /// What a recording was, besides its items.
@@ -359,10 +378,28 @@ fn decode_frames(
             }
             Event::WeekResolved { shift_weeks } => {
                 for item in &mut items {
-                    shift(item, i64::from(shift_weeks) * NS_PER_WEEK);
+                    shift(
+                        item,
+                        i64::from(shift_weeks) * NS_PER_WEEK,
+                        ingest.epoch().time,
+                    );
                 }
             }
             Event::EpochReady => items.push(Item::Epoch(Box::new(ingest.epoch().clone()))),
+            Event::Inertial(unit) => {
+                items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
+            }
+            Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
+            Event::InitialState(state) => {
+                items.push(Item::ForFilter(FilterInput::State(Box::new(state))));
+            }
+            Event::ReferenceModel(model) => {
+                items.push(Item::ForFilter(FilterInput::Model(Box::new(model))));
+            }
+            Event::CorrectedEpochReady => {
+                let epoch = Box::new(ingest.corrected_epoch().clone());
+                items.push(Item::ForFilter(FilterInput::Corrected(epoch)));
+            }
         }
     }
     let counters = *ingest.counters();
@@ -376,21 +413,30 @@ fn decode_frames(
     }
 }
 
-/// Moves everything an item says of time.
-fn shift(item: &mut Item, ns: i64) {
+/// Moves everything an item says of time, `present` being right already.
+fn shift(item: &mut Item, ns: i64, present: GpsTime) {
     match item {
         Item::Ephemeris(ephemeris) => {
             ephemeris.toe = ephemeris.toe.plus_ns(ns);
             ephemeris.toc = ephemeris.toc.plus_ns(ns);
         }
-        Item::Klobuchar(_) => {}
         Item::Epoch(epoch) => epoch.time = epoch.time.plus_ns(ns),
+        Item::ForFilter(FilterInput::Sample(sample)) => {
+            // One from before the first epoch has the week its sender gave it.
+            let apart = |time: GpsTime| time.ns().abs_diff(present.ns());
+            let moved = sample.time.plus_ns(ns);
+            if apart(moved) < apart(sample.time) {
+                sample.time = moved;
+            }
+        }
+        // What has no time, or one that no receiver gave.
+        Item::Klobuchar(_) | Item::ForFilter(_) => {}
     }
 }
 
 /// Counters of what was used or is of no concern to surefix; every other one that is not zero
 /// means that input was lost.
-const NO_LOSS: [&str; 13] = [
+const NO_LOSS: [&str; 14] = [
     "rtcm_frames",
     "native_frames",
     "nmea_lines",
@@ -399,6 +445,7 @@ const NO_LOSS: [&str; 13] = [
     "msm_used",
     "msm_skipped",
     "ephemerides",
+    "imu_samples",
     "unknown_satellites",
     "unknown_signals",
     "invalid_pseudoranges",
@@ -460,6 +507,13 @@ impl FrameWriter {
         match item {
             Item::Ephemeris(ephemeris) => self.append(|out| encode_ephemeris(&ephemeris, out)),
             Item::Klobuchar(parameters) => self.append(|out| encode_klobuchar(&parameters, out)),
+            Item::ForFilter(input) => self.append(|out| match input {
+                FilterInput::Unit(unit) => encode_inertial(&unit, out),
+                FilterInput::Sample(sample) => encode_imu(&sample, out),
+                FilterInput::State(state) => encode_initial_state(&state, out),
+                FilterInput::Model(model) => encode_reference_model(&model, out),
+                FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
+            }),
             Item::Epoch(mut epoch) => {
                 let first = *self.first.get_or_insert(epoch.time);
                 let since_ns = epoch.time.ns() - first.ns();

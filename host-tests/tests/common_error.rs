@@ -64,6 +64,7 @@ fn no_common_step_gives_a_usable_position_with_its_error_above_a_level() {
                     continue;
                 }
                 Item::Epoch(epoch) => epoch,
+                Item::ForFilter(_) => continue,
             };
             number += 1;
             if number % 30 != 0 {

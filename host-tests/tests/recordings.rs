@@ -258,6 +258,7 @@ fn six_impulses_of_12_m_are_found_and_nothing_else() {
                 continue;
             }
             Item::Epoch(epoch) => epoch,
+            Item::ForFilter(_) => continue,
         };
         let mut epoch = (**epoch).clone();
         let mut assess = |epoch: &_| {

@@ -13,6 +13,7 @@ use surefix_core::gnss::{
     KlobucharParameters, ObservationEpoch, Satellite, Signal, SignalObservation, System,
 };
 use surefix_core::ingest::{self, Event, Ingest, MAX_EPOCH_BYTES};
+use surefix_core::ins::ImuSample;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::EpochReport;
 use surefix_core::time::GpsTime;
@@ -192,6 +193,35 @@ fn a_message_of_another_system_ends_the_epoch() {
     assert!(epochs.iter().all(|epoch| !epoch.flags.incomplete));
     assert_eq!(epochs[0].satellites.len(), 13);
     assert_eq!(counters.msm_skipped, 2);
+}
+
+#[test]
+fn inertial_samples_between_the_messages_of_an_epoch_change_nothing() {
+    let messages = [
+        gps(100_000, true, [1, 2], 1),
+        galileo(100_000, true, [3, 4]),
+        bds(86_000, false, [5, 6]),
+        gps(101_000, true, [1, 2], 1),
+        bds(87_000, false, [5, 6]),
+    ];
+    let sample = ImuSample {
+        time: GpsTime::from_week_tow_s(2010, 100),
+        interval_ns: 10_000_000,
+        dtheta_is_s_rad: [0.0; 3],
+        dv_is_s_mps: [0.0; 3],
+    };
+    let mut out = [0; MAX_FRAME];
+    let len = ingest::encode_imu(&sample, &mut out).unwrap();
+    let mixed: Vec<u8> = messages
+        .iter()
+        .flat_map(|message| [message, &out[..len], &out[..len]].concat())
+        .collect();
+    let (alone, _, _) = run(&messages.concat());
+    let (epochs, events, counters) = run(&mixed);
+    assert_eq!((epochs.len(), epochs[0].satellites.len()), (2, 6));
+    assert_eq!(epochs, alone);
+    assert_eq!(events.len(), 2 * messages.len());
+    assert_eq!((counters.imu_samples, counters.epochs_incomplete), (10, 0));
 }
 
 #[test]

@@ -1,6 +1,10 @@
 //! Messages to epochs.
 
 use super::convert::{self, NoObservation};
+use super::corrected::CorrectedAssembler;
+use super::inertial::{
+    CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
+};
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
@@ -8,7 +12,7 @@ use super::payload::{
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
-use crate::gnss::{NavMessage, ObservationEpoch};
+use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch};
 use crate::time::{GPST_MINUS_BDT_S, GpsTime, NS_PER_S, NS_PER_WEEK};
 use crate::wire::counters::count;
 use crate::wire::native::{Frame, Kind};
@@ -45,7 +49,7 @@ enum Place {
     Before,
 }
 
-/// The epoch being put together, and the week.
+/// The epochs being put together, and the week.
 #[derive(Clone, Debug)]
 pub(super) struct Assembler {
     epoch: ObservationEpoch,
@@ -57,11 +61,12 @@ pub(super) struct Assembler {
     next_group: u8,
     late: LateEpochs,
     weeks: WeekResolver,
+    corrected: CorrectedAssembler,
 }
 
 /// Epochs that came after a later one, in a row.
 #[derive(Clone, Copy, Debug)]
-struct LateEpochs {
+pub(super) struct LateEpochs {
     /// Time of the last message of them.
     last: Option<GpsTime>,
     /// Different times, in ascending order.
@@ -69,13 +74,13 @@ struct LateEpochs {
 }
 
 impl LateEpochs {
-    const NONE: Self = Self {
+    pub(super) const NONE: Self = Self {
         last: None,
         times: 0,
     };
 
     /// Notes a message of an epoch at `time`; tells whether to follow the receiver there.
-    fn note(&mut self, time: GpsTime) -> bool {
+    pub(super) fn note(&mut self, time: GpsTime) -> bool {
         self.times = match self.last {
             Some(last) if time == last => self.times,
             Some(last) if time > last => self.times.saturating_add(1),
@@ -95,10 +100,30 @@ impl Assembler {
         next_group: 0,
         late: LateEpochs::NONE,
         weeks: WeekResolver::EMPTY,
+        corrected: CorrectedAssembler::EMPTY,
     };
 
     pub(super) const fn epoch(&self) -> &ObservationEpoch {
         &self.epoch
+    }
+
+    pub(super) const fn corrected_epoch(&self) -> &CorrectedEpoch {
+        self.corrected.epoch()
+    }
+
+    pub(super) const fn corrected_is_incomplete(&self) -> bool {
+        self.corrected.is_incomplete()
+    }
+
+    /// Ends one epoch that waits for more, and gives it.
+    pub(super) fn close_next(&mut self, counters: &mut Counters) -> Option<Event> {
+        if self.close_incomplete(counters) {
+            Some(Event::EpochReady)
+        } else if self.corrected.close_incomplete(counters) {
+            Some(Event::CorrectedEpochReady)
+        } else {
+            None
+        }
     }
 
     pub(super) fn configure(&mut self, reference_week: Option<u16>) {
@@ -106,7 +131,7 @@ impl Assembler {
     }
 
     /// Ends an epoch that waits for more; tells whether there was one.
-    pub(super) fn close_incomplete(&mut self, counters: &mut Counters) -> bool {
+    fn close_incomplete(&mut self, counters: &mut Counters) -> bool {
         if !self.is_open {
             return false;
         }
@@ -345,12 +370,30 @@ impl Assembler {
             }
             Some(Kind::EndOfStream) => {
                 decode_end_of_stream(frame.payload())?;
-                if self.close_incomplete(counters) {
-                    Outcome::FirstGives(Event::EpochReady)
-                } else {
-                    Outcome::UsedGives(Event::EndOfStream)
+                match self.close_next(counters) {
+                    Some(event) => Outcome::FirstGives(event),
+                    None => Outcome::UsedGives(Event::EndOfStream),
                 }
             }
+            Some(Kind::Inertial) => {
+                Outcome::UsedGives(Event::Inertial(decode_inertial(frame.payload())?))
+            }
+            Some(Kind::Imu) => {
+                let mut sample = decode_imu(frame.payload())?;
+                count(&mut counters.imu_samples);
+                sample.time = self.weeks.resolve_sample(sample.time);
+                Outcome::UsedGives(Event::Imu(sample))
+            }
+            Some(Kind::InitialState) => {
+                Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))
+            }
+            Some(Kind::CorrectedObservations) => {
+                let group = CorrectedGroup::decode(frame.payload())?;
+                self.corrected.take(&group, counters)
+            }
+            Some(Kind::ReferenceModel) => Outcome::UsedGives(Event::ReferenceModel(
+                decode_reference_model(frame.payload())?,
+            )),
             Some(Kind::Report | Kind::Counters | Kind::OutputInvalid) | None => {
                 count(&mut counters.native_unknown_kind);
                 Outcome::Used

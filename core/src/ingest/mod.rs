@@ -4,15 +4,24 @@
 //! from its messages, the end of the stream. An epoch is complete when a multiple signal message
 //! says that none follows, or a native frame that it is the last; it ends incomplete, and flagged,
 //! when a later one begins or the stream ends. Messages of an epoch that is over are dropped and
-//! counted. Layouts of native payloads: docs/native-frame.md.
+//! counted. Inertial samples pass between the messages of an epoch and leave it as it is.
+//! Corrected epochs are put together by themselves. Layouts of native payloads:
+//! docs/native-frame.md.
 
 mod assembler;
 mod convert;
+mod corrected;
+mod inertial;
 mod payload;
 mod week;
 
 use assembler::{Assembler, Outcome};
 
+pub use inertial::{
+    CorrectedGroup, IMU_FRAME_LENGTH, MAX_CORRECTED_EPOCH_BYTES, decode_imu, decode_inertial,
+    decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
+    encode_inertial, encode_initial_state, encode_reference_model,
+};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
@@ -20,7 +29,8 @@ pub use payload::{
 };
 
 use crate::config::Config;
-use crate::gnss::{Ephemeris, KlobucharParameters, ObservationEpoch};
+use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch};
+use crate::ins::{ImuSample, InertialConfig, InitialState, ReferenceModel};
 use crate::wire::{Counters, Scanner};
 
 /// What bytes turned out to mean.
@@ -44,11 +54,21 @@ pub enum Event {
     },
     /// [`Ingest::epoch`] is ready, and stays so until the next call.
     EpochReady,
+    /// What is known of the inertial unit, checked.
+    Inertial(InertialConfig),
+    /// An inertial sample. Its increments may be no numbers.
+    Imu(ImuSample),
+    /// A state to start from.
+    InitialState(InitialState),
+    /// The requirements of a scenario, to be run by the reference model.
+    ReferenceModel(ReferenceModel),
+    /// [`Ingest::corrected_epoch`] is ready, and stays so until the next call.
+    CorrectedEpochReady,
     /// The stream ended.
     EndOfStream,
 }
 
-/// Bytes to events: scanner, epoch assembler, week and counters. About 25 kB; lives in a static.
+/// Bytes to events: scanner, epoch assembler, week and counters. About 30 kB; lives in a static.
 #[derive(Clone, Debug)]
 pub struct Ingest {
     scanner: Scanner,
@@ -88,10 +108,10 @@ impl Ingest {
     pub fn finish(&mut self) -> Event {
         self.scanner.end();
         match self.next_event() {
-            Event::Nothing if self.assembler.close_incomplete(&mut self.counters) => {
-                Event::EpochReady
-            }
-            Event::Nothing => Event::EndOfStream,
+            Event::Nothing => match self.assembler.close_next(&mut self.counters) {
+                Some(event) => event,
+                None => Event::EndOfStream,
+            },
             event => event,
         }
     }
@@ -99,6 +119,16 @@ impl Ingest {
     /// The epoch that [`Event::EpochReady`] announced.
     pub const fn epoch(&self) -> &ObservationEpoch {
         self.assembler.epoch()
+    }
+
+    /// The epoch that [`Event::CorrectedEpochReady`] announced.
+    pub const fn corrected_epoch(&self) -> &CorrectedEpoch {
+        self.assembler.corrected_epoch()
+    }
+
+    /// Whether a group of [`Ingest::corrected_epoch`] did not arrive.
+    pub const fn corrected_is_incomplete(&self) -> bool {
+        self.assembler.corrected_is_incomplete()
     }
 
     /// What arrived and what was lost.

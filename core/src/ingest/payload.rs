@@ -66,7 +66,8 @@ pub enum PayloadError {
         /// Number of groups.
         groups: u8,
     },
-    /// The configuration is not legal; see [`Config::check`].
+    /// The configuration is not legal; see [`Config::check`] and
+    /// [`InertialConfig::check`](crate::ins::InertialConfig::check).
     Configuration,
 }
 
@@ -111,14 +112,14 @@ const HAS_CN0: u8 = 8;
 
 /// Largest pseudorange, m, and largest carrier phase, cycles: far above any, far below where f64
 /// stops telling millimetres.
-const MAX_RANGE: f64 = 1e10;
+pub(super) const MAX_RANGE: f64 = 1e10;
 /// Largest range rate, m/s.
-const MAX_RATE_MPS: f64 = 1e6;
+pub(super) const MAX_RATE_MPS: f64 = 1e6;
 /// Largest carrier-to-noise density, dB-Hz: the field of MSM6 and MSM7 ends at 63.9375.
 const MAX_CN0_DBHZ: f32 = 100.0;
 
 /// `value` if its magnitude is at most `limit`; NaN refuses.
-fn within(value: f64, limit: f64) -> Result<f64, PayloadError> {
+pub(super) fn within(value: f64, limit: f64) -> Result<f64, PayloadError> {
     if value >= -limit && value <= limit {
         Ok(value)
     } else {
@@ -126,7 +127,7 @@ fn within(value: f64, limit: f64) -> Result<f64, PayloadError> {
     }
 }
 
-fn time(r: &mut Reader<'_>) -> Result<GpsTime, PayloadError> {
+pub(super) fn time(r: &mut Reader<'_>) -> Result<GpsTime, PayloadError> {
     let ns = r.i64()?;
     let time = GpsTime::from_ns(ns);
     // A provisional week may be 0, and a toe shortly before it.
@@ -137,19 +138,19 @@ fn time(r: &mut Reader<'_>) -> Result<GpsTime, PayloadError> {
     }
 }
 
-fn satellite(r: &mut Reader<'_>) -> Result<Satellite, PayloadError> {
+pub(super) fn satellite(r: &mut Reader<'_>) -> Result<Satellite, PayloadError> {
     let (system, prn) = (r.u8()?, r.u8()?);
     System::from_index(system as usize)
         .and_then(|known| Satellite::new(known, prn))
         .ok_or(PayloadError::Satellite { system, prn })
 }
 
-fn put_satellite(w: &mut Writer<'_>, satellite: Satellite) -> Result<(), Full> {
+pub(super) fn put_satellite(w: &mut Writer<'_>, satellite: Satellite) -> Result<(), Full> {
     w.put_u8(satellite.system() as u8)?;
     w.put_u8(satellite.prn())
 }
 
-fn end(r: &Reader<'_>) -> Result<(), PayloadError> {
+pub(super) fn end(r: &Reader<'_>) -> Result<(), PayloadError> {
     match r.left() {
         0 => Ok(()),
         left => Err(PayloadError::TrailingBytes { left }),
@@ -445,7 +446,7 @@ pub fn decode_ephemeris(payload: &[u8]) -> Result<Ephemeris, PayloadError> {
 }
 
 /// `value` if it lies between the two; NaN refuses.
-fn between(value: f64, low: f64, high: f64) -> Result<f64, PayloadError> {
+pub(super) fn between(value: f64, low: f64, high: f64) -> Result<f64, PayloadError> {
     if value >= low && value <= high {
         Ok(value)
     } else {

@@ -142,6 +142,15 @@ impl WeekResolver {
         }
     }
 
+    /// The instant of an inertial sample. It never tells the week: while that of the receiver is
+    /// provisional, a sample has to lie in the same provisional week as the epochs around it.
+    pub(super) fn resolve_sample(&self, time: GpsTime) -> GpsTime {
+        match self.reference {
+            Some(reference) if self.is_unknown() => GpsTime::nearest(time.tow_ns(), reference),
+            _ => time,
+        }
+    }
+
     /// An epoch begins at `time`.
     pub(super) fn at_epoch(&mut self, time: GpsTime) {
         self.reference = Some(time);

@@ -81,6 +81,8 @@ counters! {
     ephemerides,
     /// Ephemerides whose week differs by more than one from the time of the observations.
     ephemerides_of_another_week,
+    /// Inertial samples decoded.
+    imu_samples,
     /// Observations of satellites that do not exist in their system.
     unknown_satellites,
     /// Observations of signals that have no name in RINEX.

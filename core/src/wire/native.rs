@@ -48,6 +48,16 @@ pub enum Kind {
     Klobuchar = 4,
     /// The stream ends, into the monitor; empty.
     EndOfStream = 5,
+    /// What is known of the inertial unit, into the monitor.
+    Inertial = 6,
+    /// An inertial sample, into the monitor.
+    Imu = 7,
+    /// A state to start from, into the monitor.
+    InitialState = 8,
+    /// Corrected measurements of an epoch or of a group of its satellites, into the monitor.
+    CorrectedObservations = 9,
+    /// The requirements of a scenario, into the monitor.
+    ReferenceModel = 10,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -65,6 +75,11 @@ impl Kind {
             3 => Self::Ephemeris,
             4 => Self::Klobuchar,
             5 => Self::EndOfStream,
+            6 => Self::Inertial,
+            7 => Self::Imu,
+            8 => Self::InitialState,
+            9 => Self::CorrectedObservations,
+            10 => Self::ReferenceModel,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,

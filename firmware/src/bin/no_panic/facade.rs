@@ -5,12 +5,17 @@ use core::hint::black_box;
 use surefix_core::budget::{CycleCounter, Ledger, NoCounter};
 use surefix_core::config::Config;
 use surefix_core::gnss::{
-    BroadcastIonosphere, EphemerisStore, KlobucharParameters, ObservationEpoch,
+    BroadcastIonosphere, CorrectedEpoch, EphemerisStore, KlobucharParameters, ObservationEpoch,
 };
-use surefix_core::ingest::{self, Ingest, ObservationGroup};
+use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
+use surefix_core::ins::{
+    AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
+    InitialState, ReferenceModel, SensorRange,
+};
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
 use surefix_core::snapshot::SnapshotMonitor;
+use surefix_core::time::GpsTime;
 
 pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharParameters) {
     let bytes: &[u8] = &[0; 64];
@@ -33,11 +38,15 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
         call3(ObservationGroup::add_to, &group, &mut epoch, refused);
     }
 
+    inertial(bytes, &mut out);
+
     let mut ingest = Ingest::EMPTY;
     call2(Ingest::configure, &mut ingest, &Config::PRESET);
     call2(Ingest::push, &mut ingest, bytes);
     call1(Ingest::finish, &mut ingest);
     call1(Ingest::epoch, &ingest);
+    call1(Ingest::corrected_epoch, &ingest);
+    call1(Ingest::corrected_is_incomplete, &ingest);
     call1(Ingest::counters, &ingest);
 
     snapshot(&epoch);
@@ -46,6 +55,87 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     call1(ReportFlags::from_bits, 0);
     call1(report::decode, bytes);
     call1(CycleCounter::now, &mut NoCounter);
+}
+
+const SAMPLE: ImuSample = ImuSample {
+    time: GpsTime::from_ns(0),
+    interval_ns: 10_000_000,
+    dtheta_is_s_rad: [0.0; 3],
+    dv_is_s_mps: [0.0; 3],
+};
+const STATE: InitialState = InitialState {
+    time: GpsTime::from_ns(0),
+    r_eb_e_m: [0.0; 3],
+    v_eb_e_mps: [0.0; 3],
+    q_e_b: [1.0, 0.0, 0.0, 0.0],
+    gyro_bias_radps: [0.0; 3],
+    accel_bias_mps2: [0.0; 3],
+    clock_bias_m: 0.0,
+    clock_drift_mps: 0.0,
+};
+const MODEL: ReferenceModel = ReferenceModel {
+    p_fa: 3.33e-7,
+    p_md: 1e-3,
+    p_h0: 1e-7,
+    hal_m: 556.0,
+    val_m: 50.0,
+    detect_vertical: false,
+    exclude: true,
+    hold_ns: 0,
+};
+const UNIT: InertialConfig = InertialConfig {
+    interval_ns: 10_000_000,
+    c_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    lever_arm_b_m: [0.0; 3],
+    noise: InertialNoise {
+        arw: 1e-4,
+        vrw: 1e-3,
+        gyro_bias_walk: 1e-6,
+        accel_bias_walk: 1e-5,
+    },
+    clock: ClockNoise {
+        bias_psd: 0.01,
+        drift_psd: 0.04,
+        drift_decay_per_s: 0.0,
+        inter_system_psd: 0.0,
+    },
+    range: SensorRange {
+        rate_radps: 10.0,
+        specific_force_mps2: 100.0,
+    },
+    start: AttitudeStart::Course { min_speed_mps: 2.0 },
+    sigma: InitialSigma {
+        position_m: 10.0,
+        velocity_mps: 0.5,
+        attitude_ned_rad: [0.01; 3],
+        gyro_bias_radps: 1e-4,
+        accel_bias_mps2: 0.01,
+        clock_bias_m: 30.0,
+        clock_drift_mps: 1.0,
+    },
+};
+
+fn inertial(bytes: &[u8], out: &mut [u8]) {
+    call1(InertialConfig::check, &UNIT);
+    call2(ingest::encode_imu, &SAMPLE, &mut *out);
+    call2(ingest::encode_inertial, &UNIT, &mut *out);
+    call2(ingest::encode_initial_state, &STATE, &mut *out);
+    call2(ingest::encode_reference_model, &MODEL, &mut *out);
+    call2(
+        ingest::encode_corrected_epoch,
+        &CorrectedEpoch::EMPTY,
+        &mut *out,
+    );
+    call1(ingest::decode_imu, bytes);
+    call1(ingest::decode_inertial, bytes);
+    call1(ingest::decode_initial_state, bytes);
+    call1(ingest::decode_reference_model, bytes);
+    call1(CorrectedGroup::decode, bytes);
+    if let Ok(group) = CorrectedGroup::decode(black_box(bytes)) {
+        call2(CorrectedGroup::for_each, &group, |row| {
+            black_box(row);
+        });
+    }
 }
 
 fn snapshot(epoch: &ObservationEpoch) {

@@ -1,7 +1,9 @@
 //! `integrity`.
 
 use crate::call::{call1, call2, call3};
-use surefix_core::integrity::{Integrity, Mode, NoBound, Phase, ProtectionLevel, Reason, Verdict};
+use surefix_core::integrity::{
+    InertialStatus, Integrity, Mode, NoBound, Phase, ProtectionLevel, Reason, Verdict,
+};
 
 pub fn all() {
     call1(Phase::name, Phase::Npa);
@@ -13,6 +15,8 @@ pub fn all() {
     call1(Mode::name, Mode::None);
     call1(Mode::from_u8, 0);
     call1(NoBound::from_u8, 0);
+    call1(InertialStatus::name, InertialStatus::Off);
+    call1(InertialStatus::from_u8, 0);
     call1(Reason::name, Reason::None);
     call1(Reason::from_u8, 0);
     let level = ProtectionLevel::Bound(0.0);

@@ -1,0 +1,268 @@
+//! `result.csv`: one row per epoch, and how far two of them are apart.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::{Context, Result, bail};
+
+use super::folder::SAME_TIME_S;
+use super::table::{Column, Table};
+
+/// Columns before those of the satellites.
+pub const COLUMNS: &str =
+    "t_s,px,py,pz,vx,vy,vz,qw,qx,qy,qz,clk_b,clk_d,hpl,vpl,hpl0,detected,excluded,n_sats";
+
+/// One epoch; NaN where there is no solution.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ResultRow {
+    /// Time, s.
+    pub t_s: f64,
+    /// Position, ECEF, m.
+    pub r_eb_e_m: [f64; 3],
+    /// Velocity against the Earth, m/s.
+    pub v_eb_e_mps: [f64; 3],
+    /// Rotation from body to ECEF, scalar first.
+    pub q_e_b: [f64; 4],
+    /// Clock bias, m, and drift, m/s.
+    pub clock: [f64; 2],
+    /// Horizontal level of the bank, m; 0 without one.
+    pub hpl_m: f64,
+    /// Vertical level of the bank, m; 0 without one.
+    pub vpl_m: f64,
+    /// Fault-free horizontal level, m.
+    pub hpl0_m: f64,
+    /// A test was exceeded.
+    pub detected: bool,
+    /// Satellites excluded so far, in order.
+    pub excluded: Vec<String>,
+    /// Satellites in the bank after the exclusion.
+    pub n_sats: usize,
+    /// Statistic and threshold of the filter without each satellite of [`ResultFile::satellites`];
+    /// NaN where it is not in the bank.
+    pub tests: Vec<[f64; 2]>,
+}
+
+/// A whole `result.csv`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ResultFile {
+    /// Satellites with columns, sorted.
+    pub satellites: Vec<String>,
+    /// Epochs, times ascending.
+    pub rows: Vec<ResultRow>,
+}
+
+/// Largest differences between two results.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Differences {
+    /// Epochs compared.
+    pub epochs: usize,
+    /// Length of the difference of the positions, m.
+    pub position_m: f64,
+    /// Of the velocities, m/s.
+    pub velocity_mps: f64,
+    /// Angle between the attitudes, rad.
+    pub attitude_rad: f64,
+    /// Of the clock biases, m.
+    pub clock_bias_m: f64,
+    /// Of the clock drifts, m/s.
+    pub clock_drift_mps: f64,
+    /// Of the fault-free levels, relative.
+    pub hpl0_relative: f64,
+}
+
+impl ResultFile {
+    /// Reads a file; columns that are not of the form are ignored.
+    ///
+    /// # Errors
+    /// When a column is missing or a field is not what it must be; the message tells where.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_table(&Table::read(path)?)
+    }
+
+    fn from_table(table: &Table) -> Result<Self> {
+        let [time, detected, excluded, n_sats] =
+            table.columns(["t_s", "detected", "excluded", "n_sats"])?;
+        let position = table.columns(["px", "py", "pz"])?;
+        let velocity = table.columns(["vx", "vy", "vz"])?;
+        let attitude = table.columns(["qw", "qx", "qy", "qz"])?;
+        let clock = table.columns(["clk_b", "clk_d"])?;
+        let [hpl, vpl, hpl0] = table.columns(["hpl", "vpl", "hpl0"])?;
+        let satellites: Vec<String> = table
+            .header()
+            .iter()
+            .filter_map(|name| name.strip_prefix("d_"))
+            .map(String::from)
+            .collect();
+        let tests: Result<Vec<[Column; 2]>> = satellites
+            .iter()
+            .map(|name| table.columns([&format!("d_{name}"), &format!("T_{name}")]))
+            .collect();
+        let tests = tests?;
+        let mut rows: Vec<ResultRow> = Vec::new();
+        for row in table.rows() {
+            let t_s = row.number(time)?;
+            if let Some(last) = rows.last().filter(|last| t_s <= last.t_s) {
+                bail!(
+                    "{}: {t_s} does not come after {}",
+                    row.place(time),
+                    last.t_s
+                );
+            }
+            let pairs: Result<Vec<[f64; 2]>> = tests
+                .iter()
+                .map(|[d, t]| Ok([row.any_number(*d)?, row.any_number(*t)?]))
+                .collect();
+            rows.push(ResultRow {
+                t_s,
+                r_eb_e_m: row.any_numbers(position)?,
+                v_eb_e_mps: row.any_numbers(velocity)?,
+                q_e_b: row.any_numbers(attitude)?,
+                clock: row.any_numbers(clock)?,
+                hpl_m: row.any_number(hpl)?,
+                vpl_m: row.any_number(vpl)?,
+                hpl0_m: row.any_number(hpl0)?,
+                detected: row.number(detected)? != 0.0,
+                excluded: match row.text(excluded)? {
+                    "-" => Vec::new(),
+                    names => names.split('+').map(String::from).collect(),
+                },
+                n_sats: match row.text(n_sats)?.parse() {
+                    Ok(count) => count,
+                    Err(_) => bail!("{}: is not a count", row.place(n_sats)),
+                },
+                tests: pairs?,
+            });
+        }
+        Ok(Self { satellites, rows })
+    }
+
+    /// The text of the file; numbers in their shortest form that reads back exactly.
+    pub fn to_text(&self) -> String {
+        let mut text = String::from(COLUMNS);
+        for name in &self.satellites {
+            let _ = write!(text, ",d_{name},T_{name}");
+        }
+        text.push('\n');
+        for row in &self.rows {
+            row.write(&mut text);
+        }
+        text
+    }
+
+    /// Writes the file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        std::fs::write(path, self.to_text())
+            .with_context(|| format!("cannot write {}", path.display()))
+    }
+
+    /// Largest differences from `other`, at every epoch of it before its first exclusion.
+    ///
+    /// # Errors
+    /// When an epoch of `other` is missing here, or there is none to compare.
+    pub fn compare(&self, other: &Self) -> Result<Differences> {
+        let mut largest = Differences::default();
+        let mut rows = self.rows.iter().peekable();
+        for expected in other.rows.iter().take_while(|row| row.excluded.is_empty()) {
+            while rows
+                .next_if(|row| row.t_s < expected.t_s - SAME_TIME_S)
+                .is_some()
+            {}
+            let row = rows.next_if(|row| row.t_s <= expected.t_s + SAME_TIME_S);
+            let Some(row) = row else {
+                bail!("there is no row for the epoch at {} s", expected.t_s);
+            };
+            largest.take_larger(&row.differences(expected));
+        }
+        if largest.epochs == 0 {
+            bail!("there is no epoch before the first exclusion to compare");
+        }
+        Ok(largest)
+    }
+}
+
+/// The larger of two; a NaN counts as larger than everything, so that no limit holds it.
+fn larger(a: f64, b: f64) -> f64 {
+    if a.is_nan() || b.is_nan() {
+        f64::INFINITY
+    } else {
+        a.max(b)
+    }
+}
+
+impl Differences {
+    fn take_larger(&mut self, other: &Self) {
+        self.epochs += other.epochs;
+        self.position_m = larger(self.position_m, other.position_m);
+        self.velocity_mps = larger(self.velocity_mps, other.velocity_mps);
+        self.attitude_rad = larger(self.attitude_rad, other.attitude_rad);
+        self.clock_bias_m = larger(self.clock_bias_m, other.clock_bias_m);
+        self.clock_drift_mps = larger(self.clock_drift_mps, other.clock_drift_mps);
+        self.hpl0_relative = larger(self.hpl0_relative, other.hpl0_relative);
+    }
+}
+
+impl ResultRow {
+    /// How far this epoch is from another, as [`Differences`] of one epoch.
+    pub fn differences(&self, other: &Self) -> Differences {
+        let distance = |a: [f64; 3], b: [f64; 3]| {
+            let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+            squares.sum::<f64>().sqrt()
+        };
+        let [a, b, c, d] = self.q_e_b;
+        let [w, x, y, z] = other.q_e_b;
+        // Vector part of the rotation from one to the other: sin of half the angle, which keeps its
+        // digits where the cosine has lost them.
+        let vector = [
+            a * x - b * w - c * z + d * y,
+            a * y + b * z - c * w - d * x,
+            a * z - b * y + c * x - d * w,
+        ];
+        let scalar = a * w + b * x + c * y + d * z;
+        let half = distance(vector, [0.0; 3]).atan2(scalar.abs());
+        Differences {
+            epochs: 1,
+            position_m: distance(self.r_eb_e_m, other.r_eb_e_m),
+            velocity_mps: distance(self.v_eb_e_mps, other.v_eb_e_mps),
+            attitude_rad: 2.0 * half,
+            clock_bias_m: (self.clock[0] - other.clock[0]).abs(),
+            clock_drift_mps: (self.clock[1] - other.clock[1]).abs(),
+            hpl0_relative: ((self.hpl0_m - other.hpl0_m) / other.hpl0_m).abs(),
+        }
+    }
+
+    fn write(&self, text: &mut String) {
+        let _ = write!(text, "{}", self.t_s);
+        let numbers = self
+            .r_eb_e_m
+            .iter()
+            .chain(&self.v_eb_e_mps)
+            .chain(&self.q_e_b)
+            .chain(&self.clock)
+            .chain([&self.hpl_m, &self.vpl_m, &self.hpl0_m]);
+        for number in numbers {
+            write_number(text, *number);
+        }
+        let excluded = if self.excluded.is_empty() {
+            "-".into()
+        } else {
+            self.excluded.join("+")
+        };
+        let detected = u8::from(self.detected);
+        let _ = write!(text, ",{detected},{excluded},{}", self.n_sats);
+        for number in self.tests.iter().flatten() {
+            write_number(text, *number);
+        }
+        text.push('\n');
+    }
+}
+
+fn write_number(text: &mut String, number: f64) {
+    if number.is_nan() {
+        text.push_str(",nan");
+    } else {
+        let _ = write!(text, ",{number}");
+    }
+}
