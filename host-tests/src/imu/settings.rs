@@ -110,7 +110,8 @@ pub(super) enum TimeScale {
     GpstUnixS,
     /// GPST as seconds of the week given.
     GpstSow,
-    /// Seconds of a scenario, which starts with GPS week 0.
+    /// Seconds of a scenario, which starts with the GPS week given, or 0; `time_offset_s` moves it to
+    /// where it was flown.
     ScenarioS,
 }
 
