@@ -202,7 +202,9 @@ fn read_csv(text: &str, file: &FileSettings, nominal_ns: u32) -> Result<(Vec<Imu
             bail!("[imu.file] time_scale = \"gpst_sow\" counts from the start of a week: give week")
         }
         (TimeScale::GpstUnixS, Some(_)) => {
-            bail!("[imu.file] time_scale = \"gpst_unix_s\" names every instant by itself: leave out week")
+            bail!(
+                "[imu.file] time_scale = \"gpst_unix_s\" names every instant by itself: leave out week"
+            )
         }
     };
     if !(-1e6..=1e6).contains(&file.time_offset_s) {
