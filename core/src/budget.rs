@@ -36,10 +36,12 @@ pub enum Stage {
     Levels = 3,
     /// Limits of the phase of flight.
     Verdict = 4,
+    /// The tightly coupled filter, where there is an inertial unit.
+    Filter = 5,
 }
 
 /// Number of stages.
-pub const STAGE_COUNT: usize = 5;
+pub const STAGE_COUNT: usize = 6;
 
 /// A stage and the work it may take.
 #[derive(Clone, Copy, Debug)]
@@ -82,6 +84,11 @@ pub const STAGES: [StageBudget; STAGE_COUNT] = [
         stage: Stage::Verdict,
         name: "verdict",
         budget: 50_000,
+    },
+    StageBudget {
+        stage: Stage::Filter,
+        name: "filter",
+        budget: 500_000,
     },
 ];
 

@@ -12,6 +12,7 @@
 //! | [`wire`] | bytes to checked messages (RTCM 3, surefix's own frame), and the output frame |
 //! | [`gnss`] | satellites: observation epochs, broadcast orbits and clocks, atmosphere, sigmas, the snapshot solution |
 //! | [`ins`] | inertial samples to position, velocity and attitude |
+//! | [`ekf`] | the error-state filter: shared transition, compressed update, the tightly coupled navigator |
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels |
 //! | [`integrity`] | phases of flight, reasons, the verdict |
 //! | [`ingest`], `report` | checked messages to domain types; verdict to output messages |
@@ -39,10 +40,12 @@ pub mod ingest;
 pub mod ins;
 pub mod integrity;
 pub mod linalg;
+pub mod mhss;
 pub mod monitor;
 pub mod raim;
 pub mod report;
 pub mod snapshot;
 pub mod stats;
+pub mod tight;
 pub mod time;
 pub mod wire;

@@ -1,25 +1,31 @@
 //! The façade: bytes in, one report per epoch out. Owns all state.
 //!
 //! ```text
-//! bytes ─ push() ─► ingest ─► ephemerides, ionosphere, ObservationEpoch
+//! bytes ─ push() ─► ingest ─► ephemerides, ionosphere, ObservationEpoch, ImuSample ─► tight: nominal
 //!                                   │ Ready::Epoch
-//!                     process() ◄───┘  snapshot monitor
+//!                     process() ◄───┘  snapshot monitor, then the filter
 //!                         └─► EpochReport
 //! ```
 //!
 //! A `Monitor` is large (see `cargo xtask bench`): it lives in a `static` made from
 //! [`Monitor::EMPTY`] and is configured in place.
 
-use crate::budget::{CycleCounter, Ledger};
+use nalgebra::Vector3;
+
+use crate::budget::{CycleCounter, Ledger, Stage};
 use crate::config::Config;
-use crate::gnss::{BroadcastIonosphere, EphemerisStore};
+use crate::frames::geodesy;
+use crate::gnss::solution::SATELLITE_REASONS;
+use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
 use crate::ingest::{Event, Ingest};
+use crate::ins::InertialConfig;
 use crate::integrity::{
     InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
 };
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
-use crate::time::{GpsTime, NS_PER_WEEK};
+use crate::tight::{TightConfigureError, TightMonitor, TightSolution};
+use crate::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use crate::wire::Counters;
 
 /// What [`Monitor::push`] stopped for.
@@ -31,13 +37,75 @@ pub enum Ready {
     EndOfStream,
 }
 
+/// What [`Ready::Epoch`] announced.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pending {
+    /// Observations of the receiver.
+    Observations,
+    /// Corrected measurements of a scenario folder.
+    Corrected,
+    /// Nothing: an epoch was due and the receiver is silent.
+    Silence { time: GpsTime },
+}
+
+/// When the receiver is expected to give an epoch.
+#[derive(Clone, Copy, Debug)]
+struct Rhythm {
+    last: Option<GpsTime>,
+    interval_ns: Option<i64>,
+}
+
+impl Rhythm {
+    const UNKNOWN: Self = Self {
+        last: None,
+        interval_ns: None,
+    };
+    /// Intervals that are taken for a rhythm, ns: 20 Hz to one epoch a minute.
+    const INTERVALS_NS: core::ops::RangeInclusive<i64> = 50_000_000..=60 * NS_PER_S;
+
+    /// The receiver gave an epoch.
+    fn epoch(&mut self, time: GpsTime) {
+        let elapsed_ns = self
+            .last
+            .map(|last| time.ns().wrapping_sub(last.ns()))
+            .filter(|elapsed_ns| Self::INTERVALS_NS.contains(elapsed_ns));
+        // A gap is not a slower rhythm.
+        if let Some(elapsed_ns) = elapsed_ns
+            && self
+                .interval_ns
+                .is_none_or(|interval_ns| elapsed_ns < interval_ns.saturating_mul(3) / 2)
+        {
+            self.interval_ns = Some(elapsed_ns);
+        }
+        self.last = Some(time);
+    }
+
+    /// The epoch that should have come long ago at `now`, if there is one; expects the next after it.
+    fn overdue(&mut self, now: GpsTime) -> Option<GpsTime> {
+        let (last, interval_ns) = (self.last?, self.interval_ns?);
+        let waiting_ns = now.ns().wrapping_sub(last.ns());
+        if waiting_ns < interval_ns.saturating_mul(3) / 2 || waiting_ns > MAX_SILENCE_NS {
+            return None;
+        }
+        let due = last.plus_ns(interval_ns);
+        self.last = Some(due);
+        Some(due)
+    }
+}
+
+/// Samples later than the last epoch by more than this are of another time, ns.
+const MAX_SILENCE_NS: i64 = 3600 * NS_PER_S;
+
 /// All state of surefix.
 pub struct Monitor {
     ingest: Ingest,
     store: EphemerisStore,
     ionosphere: BroadcastIonosphere,
     snapshot: SnapshotMonitor,
+    tight: TightMonitor,
     ledger: Ledger,
+    pending: Pending,
+    rhythm: Rhythm,
     first_epoch: Option<GpsTime>,
     refused_configurations: u32,
 }
@@ -49,7 +117,10 @@ impl Monitor {
         store: EphemerisStore::EMPTY,
         ionosphere: BroadcastIonosphere::EMPTY,
         snapshot: SnapshotMonitor::EMPTY,
+        tight: TightMonitor::EMPTY,
         ledger: Ledger::EMPTY,
+        pending: Pending::Observations,
+        rhythm: Rhythm::UNKNOWN,
         first_epoch: None,
         refused_configurations: 0,
     };
@@ -63,7 +134,25 @@ impl Monitor {
     pub fn configure(&mut self, config: &Config) -> Result<(), ConfigureError> {
         self.snapshot.configure(config)?;
         self.ingest.configure(config);
+        self.tight.choose_systems(config);
         Ok(())
+    }
+
+    /// Adds an inertial unit, after [`Monitor::configure`]. A frame in the stream does the same, until
+    /// the first epoch.
+    ///
+    /// # Errors
+    /// [`TightConfigureError`]; there is then no tight mode.
+    pub fn configure_inertial(
+        &mut self,
+        inertial: &InertialConfig,
+    ) -> Result<(), TightConfigureError> {
+        let phase = self
+            .snapshot
+            .config()
+            .map_or(Config::PRESET.phase, |config| config.phase);
+        self.tight
+            .configure(inertial, phase.requirements().p_fault_free)
     }
 
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
@@ -99,18 +188,32 @@ impl Monitor {
 
     fn take(&mut self, event: Event) -> Option<Ready> {
         match event {
-            Event::Nothing
-            | Event::StationPosition(_)
-            | Event::Inertial(_)
-            | Event::Imu(_)
-            | Event::InitialState(_)
-            | Event::ReferenceModel(_)
-            | Event::CorrectedEpochReady => None,
+            Event::Nothing | Event::StationPosition(_) => None,
             Event::Configuration(config) => {
-                if self.first_epoch.is_some() || self.configure(&config).is_err() {
-                    self.refused_configurations = self.refused_configurations.saturating_add(1);
-                }
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure(&config).is_ok();
+                self.note_refusal(is_accepted);
                 None
+            }
+            Event::Inertial(config) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_inertial(&config).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::ReferenceModel(model) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.tight.follow(&model).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::InitialState(state) => {
+                self.tight.start(&state);
+                None
+            }
+            Event::Imu(sample) => {
+                self.tight.on_sample(&sample);
+                self.expect_epoch(sample.time)
             }
             Event::Ephemeris(ephemeris) => {
                 // What is no orbit leaves its satellite without an ephemeris, a counted reason.
@@ -125,30 +228,131 @@ impl Monitor {
                 self.store.shift_weeks(shift_weeks);
                 let shift_ns = i64::from(shift_weeks).wrapping_mul(NS_PER_WEEK);
                 self.first_epoch = self.first_epoch.map(|time| time.plus_ns(shift_ns));
+                self.rhythm.last = self.rhythm.last.map(|time| time.plus_ns(shift_ns));
                 None
             }
-            Event::EpochReady => Some(Ready::Epoch),
+            Event::EpochReady => {
+                self.pending = Pending::Observations;
+                self.rhythm.epoch(self.ingest.epoch().time);
+                Some(Ready::Epoch)
+            }
+            Event::CorrectedEpochReady => {
+                self.pending = Pending::Corrected;
+                Some(Ready::Epoch)
+            }
             Event::EndOfStream => Some(Ready::EndOfStream),
         }
+    }
+
+    fn note_refusal(&mut self, is_accepted: bool) {
+        if !is_accepted {
+            self.refused_configurations = self.refused_configurations.saturating_add(1);
+        }
+    }
+
+    /// Samples go on and the receiver does not: that is an epoch too.
+    fn expect_epoch(&mut self, now: GpsTime) -> Option<Ready> {
+        if !self.tight.is_running() {
+            return None;
+        }
+        let time = self.rhythm.overdue(now)?;
+        self.pending = Pending::Silence { time };
+        Some(Ready::Epoch)
     }
 
     /// Assesses the epoch that [`Ready::Epoch`] announced.
     #[inline(never)]
     pub fn process(&mut self, counter: &mut impl CycleCounter) -> EpochReport {
-        let epoch = self.ingest.epoch();
-        let first_epoch = *self.first_epoch.get_or_insert(epoch.time);
         self.ledger.begin_epoch();
-        let mut assessment = self.snapshot.assess(
+        let mut report = match self.pending {
+            Pending::Observations => self.process_observations(counter),
+            Pending::Corrected => self.process_corrected(counter),
+            Pending::Silence { time } => self.process_silence(time, counter),
+        };
+        let first_epoch = *self.first_epoch.get_or_insert(report.time);
+        report.since_first_ns = report.time.ns().wrapping_sub(first_epoch.ns());
+        if !self.ledger.end_epoch() {
+            withdraw(&mut report.verdict);
+        }
+        report
+    }
+
+    fn process_observations(&mut self, counter: &mut impl CycleCounter) -> EpochReport {
+        let epoch = self.ingest.epoch();
+        let assessment = self.snapshot.assess(
             epoch,
             &self.store,
             &self.ionosphere,
             &mut self.ledger,
             counter,
         );
-        if !self.ledger.end_epoch() {
-            withdraw(&mut assessment.verdict);
+        let mut report = report_of(epoch, &assessment);
+        let begin = counter.now();
+        let verdict = assessment.verdict;
+        let tight = self.tight.on_epoch(
+            epoch.time,
+            self.snapshot.workspace_mut(),
+            verdict.excluded,
+            verdict.integrity != Integrity::Alert,
+        );
+        match &tight {
+            Some(tight) => {
+                let separation_m = assessment
+                    .solution
+                    .map(|solution| separation_m(&tight.llh, tight.r_e_m, solution.r_e_m));
+                if let (Some(separation_m), Some(hpl_m), Some(vpl_m)) =
+                    (separation_m, verdict.hpl.bound_m(), verdict.vpl.bound_m())
+                {
+                    self.tight.compare(separation_m, [hpl_m, vpl_m], tight);
+                }
+                report.verdict = verdict.moved_by(separation_m.unwrap_or([0.0; 2]));
+                serve(&mut report, tight);
+            }
+            None => self.tight.align(epoch.time, assessment.solution.as_ref()),
         }
-        report_of(epoch, first_epoch, &assessment)
+        report.inertial = self.tight.status();
+        self.ledger
+            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+        report
+    }
+
+    fn process_corrected(&mut self, counter: &mut impl CycleCounter) -> EpochReport {
+        let begin = counter.now();
+        let epoch = self.ingest.corrected_epoch();
+        let mut report = empty_report(epoch.time, Reason::NotMonitored);
+        if let Some(model) = self.tight.reference() {
+            report.verdict.hal_m = model.hal_m;
+            report.verdict.val_m = Some(model.val_m);
+        }
+        report.n_observed = u8::try_from(epoch.rows.len()).unwrap_or(u8::MAX);
+        if let Some(tight) = self.tight.on_corrected(epoch) {
+            serve(&mut report, &tight);
+        }
+        report.inertial = self.tight.status();
+        self.ledger
+            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+        report
+    }
+
+    fn process_silence(&mut self, time: GpsTime, counter: &mut impl CycleCounter) -> EpochReport {
+        let begin = counter.now();
+        let mut report = empty_report(time, Reason::ReceiverSilent);
+        if let Some(config) = self.snapshot.config() {
+            let requirements = config.phase.requirements();
+            report.verdict.hal_m = requirements.hal_m;
+            report.verdict.val_m = requirements.val_m;
+        }
+        let workspace = self.snapshot.workspace_mut();
+        if let Some(tight) = self
+            .tight
+            .on_epoch(time, workspace, SatelliteSet::EMPTY, false)
+        {
+            serve(&mut report, &tight);
+        }
+        report.inertial = self.tight.status();
+        self.ledger
+            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+        report
     }
 
     /// What arrived, what was lost, and why.
@@ -170,6 +374,50 @@ impl Monitor {
     pub const fn store(&self) -> &EphemerisStore {
         &self.store
     }
+
+    /// Tight mode.
+    pub const fn tight(&self) -> &TightMonitor {
+        &self.tight
+    }
+}
+
+/// Horizontal and vertical way from one position (ECEF, m) to another, m.
+fn separation_m(llh: &geodesy::Llh, to: [f64; 3], from: [f64; 3]) -> [f64; 2] {
+    let way =
+        geodesy::c_enu_e(llh.lat_rad, llh.lon_rad) * (Vector3::from(to) - Vector3::from(from));
+    [libm::sqrt(way.x * way.x + way.y * way.y), libm::fabs(way.z)]
+}
+
+/// The filter's solution takes the place of the snapshot's.
+fn serve(report: &mut EpochReport, tight: &TightSolution) {
+    report.mode = Mode::Tight;
+    report.fix = Some(Fix {
+        r_e_m: tight.r_e_m,
+        lat_deg: tight.llh.lat_rad.to_degrees(),
+        lon_deg: tight.llh.lon_rad.to_degrees(),
+        h_m: tight.llh.height_m,
+        velocity_enu_mps: Some(tight.velocity_enu_mps),
+        clock_m: tight.clock_m,
+    });
+    report.used = tight.used;
+    report.navigation = Some(tight.navigation);
+}
+
+/// An epoch without observations.
+fn empty_report(time: GpsTime, reason: Reason) -> EpochReport {
+    EpochReport {
+        time,
+        since_first_ns: 0,
+        mode: Mode::None,
+        fix: None,
+        verdict: Verdict::unavailable(reason, 0.0, None),
+        used: SatelliteSet::EMPTY,
+        n_observed: 0,
+        unused: [0; SATELLITE_REASONS],
+        flags: ReportFlags::default(),
+        navigation: None,
+        inertial: InertialStatus::Off,
+    }
 }
 
 /// Takes back what came too late: levels that are not in time bound nothing. A fault that was found
@@ -183,11 +431,7 @@ fn withdraw(verdict: &mut Verdict) {
     }
 }
 
-fn report_of(
-    epoch: &crate::gnss::ObservationEpoch,
-    first_epoch: GpsTime,
-    assessment: &Assessment,
-) -> EpochReport {
+fn report_of(epoch: &ObservationEpoch, assessment: &Assessment) -> EpochReport {
     let fix = assessment.solution.map(|solution| Fix {
         r_e_m: solution.r_e_m,
         lat_deg: solution.llh.lat_rad.to_degrees(),
@@ -198,7 +442,7 @@ fn report_of(
     });
     EpochReport {
         time: epoch.time,
-        since_first_ns: epoch.time.ns().wrapping_sub(first_epoch.ns()),
+        since_first_ns: 0,
         mode: if fix.is_some() {
             Mode::Snapshot
         } else {
@@ -208,7 +452,7 @@ fn report_of(
         verdict: assessment.verdict,
         used: assessment
             .solution
-            .map_or(crate::gnss::SatelliteSet::EMPTY, |solution| solution.used),
+            .map_or(SatelliteSet::EMPTY, |solution| solution.used),
         n_observed: assessment.n_observed,
         unused: assessment.unused,
         flags: ReportFlags {

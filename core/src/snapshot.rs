@@ -142,6 +142,11 @@ impl SnapshotMonitor {
         &self.workspace
     }
 
+    /// The same, to look at the epoch's satellites from another place.
+    pub const fn workspace_mut(&mut self) -> &mut SnapshotWorkspace {
+        &mut self.workspace
+    }
+
     /// Assesses one epoch; the work of each stage is booked in `ledger`.
     #[inline(never)]
     pub fn assess(
@@ -183,6 +188,8 @@ impl SnapshotMonitor {
                 Stage::Exclusion => self.exclude(&mut progress, config.max_exclusions),
                 Stage::Levels => self.bound(&mut progress),
                 Stage::Verdict => verdict = judge(&progress, &requirements),
+                // Runs after the snapshot, in `monitor.rs`.
+                Stage::Filter => continue,
             }
             ledger.charge(stage.stage, counter.now().wrapping_sub(begin));
         }

@@ -3,6 +3,7 @@
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
+pub mod imu;
 pub mod output;
 pub mod qemu;
 pub mod reference;

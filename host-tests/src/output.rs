@@ -19,7 +19,9 @@ use crate::truth::Truth;
 /// Columns of `epochs.csv`: those of the contract, then more.
 pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\
 n_sats,mode,integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold,\
-n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags,unused";
+n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags,unused,\
+roll_deg,pitch_deg,heading_deg,inertial,sigma_e_m,sigma_n_m,sigma_u_m,\
+sigma_ve_mps,sigma_vn_mps,sigma_vu_mps,nis,nis_rows";
 
 /// Seconds since the first epoch.
 pub fn t_s(report: &EpochReport) -> f64 {
@@ -112,6 +114,19 @@ pub fn epoch_row(report: &EpochReport) -> String {
         field(&mut line, clock);
     }
     let _ = write!(line, ",{},{}", flags(report.flags), unused(&report.unused));
+    let navigation = report.navigation.as_ref();
+    for k in 0..3 {
+        field(&mut line, navigation.map(|n| n.roll_pitch_heading_deg[k]));
+    }
+    let _ = write!(line, ",{}", report.inertial.name());
+    for k in 0..3 {
+        field(&mut line, navigation.map(|n| n.sigma_position_enu_m[k]));
+    }
+    for k in 0..3 {
+        field(&mut line, navigation.map(|n| n.sigma_velocity_enu_mps[k]));
+    }
+    field(&mut line, navigation.map(|n| n.nis));
+    field(&mut line, navigation.map(|n| n.nis_rows.into()));
     line
 }
 
@@ -230,6 +245,10 @@ pub struct Summary {
     pub median_hpl_m: Option<f64>,
     /// Median vertical level, m.
     pub median_vpl_m: Option<f64>,
+    /// Epochs by where the position comes from.
+    pub modes: BTreeMap<&'static str, usize>,
+    /// Epochs by what the inertial side does.
+    pub inertial: BTreeMap<&'static str, usize>,
     /// Epochs by verdict.
     pub integrity: BTreeMap<&'static str, usize>,
     /// Epochs by reason.
@@ -346,6 +365,8 @@ pub fn summarize(
     errors: &[Option<[f64; 3]>],
     truth: Option<&Truth>,
 ) -> Summary {
+    let mut modes: BTreeMap<_, usize> = BTreeMap::new();
+    let mut inertial: BTreeMap<_, usize> = BTreeMap::new();
     let mut integrity: BTreeMap<_, usize> = BTreeMap::new();
     let mut reasons: BTreeMap<_, usize> = BTreeMap::new();
     let mut flags: BTreeMap<_, usize> = BTreeMap::new();
@@ -357,6 +378,8 @@ pub fn summarize(
                 *unused.entry(reason.name()).or_default() += usize::from(count);
             }
         }
+        *modes.entry(report.mode.name()).or_default() += 1;
+        *inertial.entry(report.inertial.name()).or_default() += 1;
         *integrity
             .entry(report.verdict.integrity.name())
             .or_default() += 1;
@@ -384,6 +407,8 @@ pub fn summarize(
         errors: error_statistics(reports, errors),
         median_hpl_m: median(|r| r.verdict.hpl),
         median_vpl_m: median(|r| r.verdict.vpl),
+        modes,
+        inertial,
         integrity,
         reasons,
         alerts: reports
@@ -414,6 +439,73 @@ pub fn summarize(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use surefix_core::gnss::solution::SATELLITE_REASONS;
+    use surefix_core::integrity::{InertialStatus, Mode, Verdict};
+    use surefix_core::report::Navigation;
+    use surefix_core::time::GpsTime;
+
+    #[test]
+    fn a_row_has_a_field_for_every_column_and_numbers_that_read_back_exactly() {
+        let mut report = EpochReport {
+            time: GpsTime::from_week_tow_s(2010, 100),
+            since_first_ns: 0,
+            mode: Mode::None,
+            fix: None,
+            verdict: Verdict::unavailable(Reason::TooFewSatellites, 556.0, None),
+            used: SatelliteSet::EMPTY,
+            n_observed: 0,
+            unused: [0; SATELLITE_REASONS],
+            flags: ReportFlags::default(),
+            navigation: None,
+            inertial: InertialStatus::Off,
+        };
+        let value = |row: &str, name: &str| {
+            let place = EPOCH_COLUMNS.split(',').position(|column| column == name);
+            row.split(',').nth(place.unwrap()).unwrap().to_owned()
+        };
+        let columns = EPOCH_COLUMNS.split(',').count();
+        let row = epoch_row(&report);
+        assert_eq!(row.split(',').count(), columns);
+        assert_eq!(
+            (
+                value(&row, "roll_deg").as_str(),
+                value(&row, "inertial").as_str()
+            ),
+            ("", "off")
+        );
+
+        report.inertial = InertialStatus::Running;
+        report.navigation = Some(Navigation {
+            v_e_mps: [0.0; 3],
+            q_e_b: [1.0, 0.0, 0.0, 0.0],
+            roll_pitch_heading_deg: [0.1 + 0.2, -2.0, 359.5],
+            clock: [0.0; 2],
+            sigma_position_enu_m: [0.4, 0.5, 0.6],
+            sigma_velocity_enu_mps: [0.07, 0.08, 0.09],
+            sigma_attitude_enu_deg: [0.0; 3],
+            fault_free_m: [0.0; 2],
+            nis: 1.0 / 3.0,
+            nis_rows: 24,
+        });
+        let row = epoch_row(&report);
+        assert_eq!(row.split(',').count(), columns);
+        for (name, expected) in [
+            ("roll_deg", 0.1 + 0.2),
+            ("pitch_deg", -2.0),
+            ("heading_deg", 359.5),
+            ("sigma_e_m", 0.4),
+            ("sigma_n_m", 0.5),
+            ("sigma_u_m", 0.6),
+            ("sigma_ve_mps", 0.07),
+            ("sigma_vn_mps", 0.08),
+            ("sigma_vu_mps", 0.09),
+            ("nis", 1.0 / 3.0),
+            ("nis_rows", 24.0),
+        ] {
+            assert_eq!(value(&row, name).parse(), Ok(expected), "{name}");
+        }
+        assert_eq!(value(&row, "inertial"), "running");
+    }
 
     #[test]
     fn quantiles_are_values_that_occurred() {

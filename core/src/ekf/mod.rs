@@ -13,6 +13,7 @@ mod dense;
 pub mod filter;
 pub mod information;
 pub mod layout;
+pub mod navigator;
 pub mod process;
 
 pub mod transition;
@@ -21,6 +22,7 @@ pub mod update;
 pub use filter::{ErrorState, Filter, Unhealthy};
 pub use information::{EpochInformation, MeasurementRow};
 
+pub use navigator::{AntennaState, Navigator};
 pub use process::{LeverState, ProcessAccumulator};
 pub use transition::Transition;
 pub use update::{UpdateSummary, UpdateWorkspace};

@@ -4,10 +4,14 @@
 //! Frames: i inertial, e ECEF, b body (forward, right, down), s the axes of the inertial unit as it is
 //! mounted.
 
+pub mod alignment;
 pub mod gravity;
+pub mod intake;
 pub mod mechanisation;
 pub mod sample;
 
+pub use alignment::{CoarseAlignment, NotAligned};
+pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,

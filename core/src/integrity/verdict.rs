@@ -89,6 +89,8 @@ pub enum Reason {
     ImplausibleClock = 11,
     /// The receiver gave no epoch when one was due; the position is the filter's own.
     ReceiverSilent = 12,
+    /// The position is the filter's own, and nothing tests it.
+    NotMonitored = 13,
 }
 
 /// Why there is no protection level.
@@ -198,6 +200,34 @@ impl Verdict {
     }
 }
 
+impl Verdict {
+    /// The verdict on another position than the one it was made for, `separation_m` away (horizontal,
+    /// vertical, m): both levels grow by the way between the two, and are compared with the limits
+    /// again. Whatever bounds the one error bounds the other so.
+    pub fn moved_by(&self, separation_m: [f64; 2]) -> Self {
+        let [horizontal_m, vertical_m] = separation_m;
+        let mut moved = *self;
+        let grown = |level: ProtectionLevel, by_m: f64| match level {
+            ProtectionLevel::Bound(bound_m) => ProtectionLevel::from_bound(bound_m + by_m),
+            unavailable @ ProtectionLevel::Unavailable(_) => unavailable,
+        };
+        moved.hpl = grown(self.hpl, horizontal_m);
+        moved.vpl = grown(self.vpl, vertical_m);
+        if !self.integrity.is_usable() {
+            return moved;
+        }
+        let vertical_is_within = self.val_m.is_none_or(|val_m| moved.vpl.is_within(val_m));
+        if !moved.hpl.is_within(self.hal_m) {
+            moved.integrity = Integrity::Unavailable;
+            moved.reason = Reason::HplAboveLimit;
+        } else if !vertical_is_within {
+            moved.integrity = Integrity::Unavailable;
+            moved.reason = Reason::VplAboveLimit;
+        }
+        moved
+    }
+}
+
 impl Integrity {
     /// Name in files.
     pub const fn name(self) -> &'static str {
@@ -286,7 +316,7 @@ impl InertialStatus {
 
 impl Reason {
     /// Every reason, in the order of its number in a report frame.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::None,
         Self::TooFewSatellites,
         Self::NoRedundancy,
@@ -300,6 +330,7 @@ impl Reason {
         Self::NotConfigured,
         Self::ImplausibleClock,
         Self::ReceiverSilent,
+        Self::NotMonitored,
     ];
 
     /// Name in files.
@@ -318,6 +349,7 @@ impl Reason {
             Self::NotConfigured => "not_configured",
             Self::ImplausibleClock => "implausible_clock",
             Self::ReceiverSilent => "receiver_silent",
+            Self::NotMonitored => "not_monitored",
         }
     }
 
@@ -338,6 +370,32 @@ mod tests {
         assert!(!ProtectionLevel::Bound(f64::NAN).is_within(f64::INFINITY));
         assert!(!ProtectionLevel::from_bound(f64::INFINITY).is_within(f64::INFINITY));
         assert!(!ProtectionLevel::Unavailable(NoBound::NoPosition).is_within(f64::INFINITY));
+    }
+
+    #[test]
+    fn a_verdict_moved_to_another_position_has_levels_wider_by_the_way() {
+        let mut verdict = Verdict::unavailable(Reason::None, 40.0, Some(35.0));
+        verdict.integrity = Integrity::Nominal;
+        verdict.hpl = ProtectionLevel::Bound(10.0);
+        verdict.vpl = ProtectionLevel::Bound(20.0);
+        let near = verdict.moved_by([1.0, 2.0]);
+        assert_eq!(near.hpl, ProtectionLevel::Bound(11.0));
+        assert_eq!(near.vpl, ProtectionLevel::Bound(22.0));
+        assert_eq!(near.integrity, Integrity::Nominal);
+        for (way, reason) in [
+            ([30.0, 0.0], Reason::HplAboveLimit),
+            ([0.0, 15.0], Reason::VplAboveLimit),
+            ([f64::NAN, 0.0], Reason::HplAboveLimit),
+        ] {
+            let far = verdict.moved_by(way);
+            assert_eq!(far.integrity, Integrity::Unavailable);
+            assert_eq!(far.reason, reason);
+        }
+        verdict.integrity = Integrity::Alert;
+        verdict.reason = Reason::FaultNotIsolated;
+        let alert = verdict.moved_by([100.0, 0.0]);
+        assert_eq!(alert.integrity, Integrity::Alert);
+        assert_eq!(alert.reason, Reason::FaultNotIsolated);
     }
 
     #[test]

@@ -1,0 +1,663 @@
+//! The tight mode: inertial samples and corrected epochs to a navigation solution, and when not.
+//!
+//! ```text
+//! ImuSample ─► intake ─► alignment ──started──► navigator (nominal, filter)
+//! epoch ─► corrected rows ─► clock jumps, new constellations ─► predict, update ─► Navigation
+//! ```
+//!
+//! The filter serves when it has been started and its samples are whole. Otherwise the snapshot
+//! solution serves alone, and [`InertialStatus`] says why. What ends tight mode also begins the next
+//! alignment, so that it comes back by itself. Choices: docs/decisions/005-tight-filter.md.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::config::Config;
+use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
+use crate::ekf::layout::{ATTITUDE, CLOCK_BIAS, FIRST_OFFSET, POSITION, VELOCITY};
+use crate::ekf::navigator::{AntennaState, Navigator};
+use crate::ekf::{MeasurementRow, UpdateSummary};
+use crate::frames::{geodesy, rotation};
+use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
+use crate::gnss::{CorrectedEpoch, CorrectedMeasurement, SatelliteSet, System};
+use crate::ins::alignment::{CoarseAlignment, NotAligned};
+use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
+use crate::ins::mechanisation::Increment;
+use crate::ins::{
+    AttitudeStart, ImuSample, InertialConfig, InertialConfigError, InitialState, ReferenceModel,
+};
+use crate::integrity::InertialStatus;
+use crate::linalg::block3::Symmetric;
+use crate::report::Navigation;
+use crate::stats::{StatsError, normal};
+use crate::time::GpsTime;
+
+/// Clock states of the monitor: bias, drift, and an offset for each further constellation.
+pub const CLOCKS: usize = 4;
+/// Size of the joint block of a measurement.
+pub const JOINT: usize = 6 + CLOCKS;
+
+/// A receiver clock that jumps does so by whole milliseconds, m.
+const MILLISECOND_M: f64 = 1.0e-3 * SPEED_OF_LIGHT_MPS;
+/// An innovation common to the satellites and beyond this is a jump of the clock, m: no drift between
+/// two epochs and no coasting of a minute comes near it, and the smallest jump is a hundred times it.
+const JUMP_M: f64 = 3.0e3;
+/// Innovations that agree to this are common, m.
+const COMMON_M: f64 = 300.0;
+/// Farther off than this no code loop was locked, m; such a pseudorange is no monitored fault but no
+/// measurement, for all filters alike.
+const CODE_LOCK_M: f64 = 1.0e4;
+/// One sigma of the offset of a constellation that was not there before, m: what
+/// `snapshot::MAX_INTER_SYSTEM_M` lets pass.
+const NEW_OFFSET_SIGMA_M: f64 = 3.0e3;
+/// Epochs in which the filter lies farther from the snapshot solution than the levels of both before
+/// it is started anew.
+const MAX_DIVERGED: u8 = 3;
+/// Longest time without a sample that the nominal is carried over to an epoch, ns: what the intake
+/// bridges.
+const MAX_LEAD_NS: i64 = 50_000_000;
+/// Slowest course an attitude that was lost is found again by, m/s, where none is configured.
+const RESTART_SPEED_MPS: f64 = 2.0;
+/// One sigma of an attitude kept from before, about north, east, down, rad.
+const RESTART_SIGMA_NED_RAD: [f64; 3] = [0.1, 0.1, 0.3];
+/// What a rate may do unseen during a bridged sample, one sigma, rad/s, and a specific force, m/s².
+const UNSEEN_RATE_RADPS: f64 = 0.2;
+/// See [`UNSEEN_RATE_RADPS`].
+const UNSEEN_FORCE_MPS2: f64 = 2.0;
+
+/// Why tight mode could not be configured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum TightConfigureError {
+    /// A value is out of its range.
+    Config(InertialConfigError),
+    /// A risk gives no quantile.
+    Stats(StatsError),
+}
+
+/// What tight mode has to say of an epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TightSolution {
+    /// Antenna, ECEF, m.
+    pub r_e_m: [f64; 3],
+    /// The same in geodetic coordinates.
+    pub llh: geodesy::Llh,
+    /// Velocity east, north, up, m/s.
+    pub velocity_enu_mps: [f64; 3],
+    /// Receiver clock minus each system's time, m, in the order of [`System::ALL`].
+    pub clock_m: [Option<f64>; System::ALL.len()],
+    /// Satellites taken.
+    pub used: SatelliteSet,
+    /// Everything else.
+    pub navigation: Navigation,
+}
+
+/// Everything tight mode needs. About 20 kB; lives in a static.
+pub struct TightMonitor {
+    config: Option<InertialConfig>,
+    reference: Option<ReferenceModel>,
+    k_fault_free: f64,
+    /// The constellation whose clock is the clock; the others have offsets against it.
+    reference_system: usize,
+    systems: [Option<usize>; System::ALL.len()],
+    offset_is_known: [bool; CLOCKS],
+    intake: Intake,
+    alignment: CoarseAlignment,
+    navigator: Navigator<CLOCKS, JOINT>,
+    status: InertialStatus,
+    corrected: CorrectedEpoch,
+    innovations_m: [f64; MAX_SATELLITES],
+    diverged: u8,
+    /// Attitude when tight mode ended.
+    last_attitude: Option<[f64; 4]>,
+    /// Counters of the intake at the last epoch.
+    counted: Option<IntakeCounters>,
+}
+
+impl TightMonitor {
+    /// No inertial unit.
+    pub const EMPTY: Self = Self {
+        config: None,
+        reference: None,
+        k_fault_free: 0.0,
+        reference_system: 0,
+        systems: [None; System::ALL.len()],
+        offset_is_known: [false; CLOCKS],
+        intake: Intake::EMPTY,
+        alignment: CoarseAlignment::EMPTY,
+        navigator: Navigator::EMPTY,
+        status: InertialStatus::Off,
+        corrected: CorrectedEpoch::EMPTY,
+        innovations_m: [0.0; MAX_SATELLITES],
+        diverged: 0,
+        last_attitude: None,
+        counted: None,
+    };
+
+    /// An inertial unit is there. `p_fault_free` is the fault-free integrity risk per sample.
+    ///
+    /// # Errors
+    /// [`TightConfigureError`]; tight mode then stays as it was.
+    pub fn configure(
+        &mut self,
+        inertial: &InertialConfig,
+        p_fault_free: f64,
+    ) -> Result<(), TightConfigureError> {
+        inertial.check().map_err(TightConfigureError::Config)?;
+        self.set_fault_free(p_fault_free)?;
+        self.intake.configure(inertial);
+        self.alignment.configure(&inertial.start);
+        self.last_attitude = None;
+        self.counted = None;
+        self.config = Some(*inertial);
+        self.status = InertialStatus::NoSample;
+        Ok(())
+    }
+
+    fn set_fault_free(&mut self, p_fault_free: f64) -> Result<(), TightConfigureError> {
+        self.k_fault_free =
+            normal::upper_quantile(0.5 * p_fault_free).map_err(TightConfigureError::Stats)?;
+        Ok(())
+    }
+
+    /// Which constellations are used; the first has the clock the others' offsets are against.
+    pub fn choose_systems(&mut self, config: &Config) {
+        self.systems = [None; System::ALL.len()];
+        let mut column = None;
+        for (place, system) in self.systems.iter_mut().zip(System::ALL) {
+            if !config.systems.contains(system) {
+                continue;
+            }
+            *place = column;
+            column = match column {
+                None => {
+                    self.reference_system = system.index();
+                    Some(FIRST_OFFSET)
+                }
+                Some(column) => Some(column + 1),
+            };
+        }
+    }
+
+    /// From here on by the reference model of a scenario folder: corrected epochs only, one clock for
+    /// all constellations, no gate, no snapshot.
+    ///
+    /// # Errors
+    /// [`TightConfigureError`] when a risk gives no quantile.
+    pub fn follow(&mut self, reference: &ReferenceModel) -> Result<(), TightConfigureError> {
+        self.set_fault_free(reference.p_h0)?;
+        self.reference = Some(*reference);
+        Ok(())
+    }
+
+    /// The reference model, if a scenario is run.
+    pub const fn reference(&self) -> Option<&ReferenceModel> {
+        self.reference.as_ref()
+    }
+
+    /// What the inertial side does.
+    pub const fn status(&self) -> InertialStatus {
+        self.status
+    }
+
+    /// The intake, with its counters.
+    pub const fn intake(&self) -> &Intake {
+        &self.intake
+    }
+
+    /// The filter and its nominal.
+    pub const fn navigator(&self) -> &Navigator<CLOCKS, JOINT> {
+        &self.navigator
+    }
+
+    /// Starts from a state that is given. Without a configured unit nothing happens.
+    pub fn start(&mut self, state: &InitialState) {
+        if let Some(config) = self.config {
+            self.start_with(&config, state);
+        }
+    }
+
+    fn start_with(&mut self, config: &InertialConfig, state: &InitialState) {
+        self.offset_is_known = [false; CLOCKS];
+        self.diverged = 0;
+        if self.navigator.start(config, state).is_ok() {
+            self.status = InertialStatus::Running;
+        }
+    }
+}
+
+impl TightMonitor {
+    /// An epoch of the receiver, after `workspace` and `solution` of the snapshot monitor. `excluded` are
+    /// the satellites it left out as faulty; `take` is false while a fault is present that is not
+    /// excluded: the filter then coasts.
+    ///
+    /// `None` where the snapshot solution serves alone; [`TightMonitor::status`] says why.
+    #[inline(never)]
+    pub fn on_epoch(
+        &mut self,
+        time: GpsTime,
+        workspace: &mut SnapshotWorkspace,
+        excluded: SatelliteSet,
+        take: bool,
+    ) -> Option<TightSolution> {
+        self.meets(time)?;
+        let mut at = self.navigator.predict(time);
+        // A place that is no place for a receiver shows in the rows: there are none.
+        if !take
+            || workspace
+                .corrected(at.r_e_m, at.v_e_mps, excluded, &mut self.corrected)
+                .is_err()
+        {
+            self.corrected.rows.clear();
+        }
+        self.prepare_clocks(&mut at);
+        self.finish(&at)
+    }
+
+    /// An epoch of a scenario folder.
+    #[inline(never)]
+    pub fn on_corrected(&mut self, epoch: &CorrectedEpoch) -> Option<TightSolution> {
+        self.meets(epoch.time)?;
+        let at = self.navigator.predict(epoch.time);
+        self.corrected.time = epoch.time;
+        self.corrected.rows.clone_from(&epoch.rows);
+        self.finish(&at)
+    }
+
+    /// Whether the nominal can be taken to an epoch.
+    fn meets(&mut self, time: GpsTime) -> Option<()> {
+        let config = self.config.as_ref()?;
+        if !self.is_running() {
+            return None;
+        }
+        let counted = self.counted;
+        self.counted = Some(self.intake.counters());
+        let lead_ns = time.ns().wrapping_sub(self.navigator.time().ns());
+        if lead_ns > MAX_LEAD_NS {
+            self.lose(silence(counted, self.intake.counters()));
+            return None;
+        }
+        if lead_ns < -2 * i64::from(config.interval_ns) {
+            self.status = InertialStatus::EpochLate;
+            return None;
+        }
+        self.status = InertialStatus::Running;
+        Some(())
+    }
+
+    /// Compares with the snapshot solution: horizontal and vertical separation, m, and its levels, m. A
+    /// filter that lies farther from it than both levels together for several epochs is started anew.
+    pub fn compare(
+        &mut self,
+        separation_m: [f64; 2],
+        levels_m: [f64; 2],
+        solution: &TightSolution,
+    ) {
+        let [fault_free_h, fault_free_v] = solution.navigation.fault_free_m;
+        let [h, v] = separation_m;
+        let [hpl, vpl] = levels_m;
+        let within = h <= hpl + fault_free_h && v <= vpl + fault_free_v;
+        self.diverged = if within {
+            0
+        } else {
+            self.diverged.saturating_add(1)
+        };
+        if self.diverged >= MAX_DIVERGED {
+            self.lose(InertialStatus::Unhealthy);
+        }
+    }
+
+    /// Whether the filter serves.
+    pub const fn is_running(&self) -> bool {
+        matches!(
+            self.status,
+            InertialStatus::Running | InertialStatus::EpochLate
+        )
+    }
+
+    /// Ends tight mode; the next alignment begins. An attitude that was given holds for the first start
+    /// only.
+    fn lose(&mut self, status: InertialStatus) {
+        if self.is_running() {
+            self.last_attitude = Some(self.navigator.mechanisation().q_e_b);
+            let min_speed_mps = match self.config.as_ref().map(|config| &config.start) {
+                Some(AttitudeStart::Course { min_speed_mps }) => *min_speed_mps,
+                _ => RESTART_SPEED_MPS,
+            };
+            self.alignment
+                .configure(&AttitudeStart::Course { min_speed_mps });
+        } else {
+            self.alignment.restart();
+        }
+        self.status = status;
+        self.diverged = 0;
+    }
+
+    /// A sample of the inertial unit.
+    #[inline(never)]
+    pub fn on_sample(&mut self, sample: &ImuSample) {
+        if self.config.is_none() {
+            return;
+        }
+        match self.intake.take(sample) {
+            Ok(None) => {}
+            Ok(Some(taken)) => {
+                if self.status == InertialStatus::NoSample {
+                    self.status = InertialStatus::Aligning;
+                }
+                if let Some(bridge) = &taken.bridge {
+                    self.step(&bridge.increment, taken.time.plus_ns(-taken.interval_ns));
+                    let gap_s = bridge.increment.dt_s;
+                    if self.is_running() {
+                        self.navigator
+                            .add_uncertainty(UNSEEN_RATE_RADPS * gap_s, UNSEEN_FORCE_MPS2 * gap_s);
+                    }
+                }
+                self.step(&taken.increment, taken.time);
+            }
+            Err(fault) => self.lose(match fault {
+                IntakeFault::Silent { .. } => InertialStatus::ImuSilent,
+                IntakeFault::NotFinite { .. } => InertialStatus::ImuNotFinite,
+                IntakeFault::Saturated { .. } => InertialStatus::ImuSaturated,
+                IntakeFault::Time { .. } => InertialStatus::ImuTime,
+            }),
+        }
+    }
+
+    fn step(&mut self, increment: &Increment, time: GpsTime) {
+        if self.is_running() {
+            self.navigator.step(increment, time);
+        } else {
+            self.alignment.accumulate(increment);
+        }
+    }
+
+    /// Tries to start the filter at an epoch that it did not serve, from the snapshot solution.
+    #[inline(never)]
+    pub fn align(&mut self, time: GpsTime, solution: Option<&SnapshotSolution>) {
+        let Some(config) = self.config else {
+            return;
+        };
+        if self.reference.is_some() || self.is_running() {
+            return;
+        }
+        let counted = self.counted;
+        self.counted = Some(self.intake.counters());
+        let Some(last) = self.intake.last_time() else {
+            return;
+        };
+        let lead_ns = time.ns().wrapping_sub(last.ns());
+        if !(-2 * i64::from(config.interval_ns)..=MAX_LEAD_NS).contains(&lead_ns) {
+            self.status = silence(counted, self.intake.counters());
+            self.alignment.restart();
+            return;
+        }
+        self.status = InertialStatus::Aligning;
+        let Some(solution) = solution else {
+            return;
+        };
+        let r_e = Vector3::from(solution.r_e_m);
+        let v_enu = solution.velocity_enu_mps.map(Vector3::from);
+        let mut config = config;
+        let q_e_b = match self.alignment.epoch(time, &r_e, v_enu.as_ref()) {
+            Ok(q_e_b) => q_e_b,
+            // Standing or nearly so: the attitude is about what it was.
+            Err(NotAligned::TooSlow { .. }) => {
+                let Some(q_e_b) = self.last_attitude else {
+                    return;
+                };
+                config.sigma.attitude_ned_rad = RESTART_SIGMA_NED_RAD;
+                q_e_b
+            }
+            Err(_) => return,
+        };
+        let (Some(v_enu), Some(drift_mps)) = (v_enu, solution.clock_drift_mps) else {
+            return;
+        };
+        let c_enu_e = geodesy::c_enu_e(solution.llh.lat_rad, solution.llh.lon_rad);
+        let v_e = c_enu_e.transpose() * v_enu;
+        let lead_s = time.seconds_since(last);
+        let arm_e = rotation::to_matrix(&q_e_b) * Vector3::from(config.lever_arm_b_m);
+        let reference_clock = solution
+            .clock_m
+            .get(self.reference_system)
+            .copied()
+            .flatten();
+        let clock_m = solution.clock_m.iter().copied().flatten().next();
+        let Some(clock_bias_m) = reference_clock.or(clock_m) else {
+            return;
+        };
+        if reference_clock.is_none() {
+            config.sigma.clock_bias_m = NEW_OFFSET_SIGMA_M;
+        }
+        self.start_with(
+            &config,
+            &InitialState {
+                time: last,
+                r_eb_e_m: (r_e - arm_e - v_e * lead_s).into(),
+                v_eb_e_mps: v_e.into(),
+                q_e_b,
+                gyro_bias_radps: [0.0; 3],
+                accel_bias_mps2: [0.0; 3],
+                clock_bias_m: clock_bias_m - drift_mps * lead_s,
+                clock_drift_mps: drift_mps,
+            },
+        );
+    }
+
+    /// Brings the clocks of the nominal up to the epoch before any row is made: follows a jump of the
+    /// receiver clock, and gives constellations that are new their offset. Then drops what is no
+    /// measurement.
+    fn prepare_clocks(&mut self, at: &mut AntennaState<CLOCKS>) {
+        let known = self.offset_is_known;
+        let is_known = |column: Option<usize>| {
+            column.is_none_or(|column| known.get(column).copied().unwrap_or(false))
+        };
+        if let Some(jump_m) = self.innovations(at, is_known).and_then(common_jump) {
+            let whole_m = libm::round(jump_m / MILLISECOND_M) * MILLISECOND_M;
+            // Clocks that are steered by whole milliseconds do it exactly.
+            let (jump_m, sigma_m) = if libm::fabs(jump_m - whole_m) <= JUMP_M {
+                (whole_m, 0.0)
+            } else {
+                (jump_m, COMMON_M)
+            };
+            self.navigator.jump_clock(jump_m, sigma_m);
+            if let Some(bias) = at.clock.get_mut(CLOCK_BIAS) {
+                *bias += jump_m;
+            }
+        }
+        for column in FIRST_OFFSET..CLOCKS {
+            if known.get(column).copied().unwrap_or(true) {
+                continue;
+            }
+            let innovation_m = self
+                .innovations(at, |of| of == Some(column))
+                .and_then(median);
+            let (Some(innovation_m), Some(offset)) = (innovation_m, at.clock.get_mut(column))
+            else {
+                continue;
+            };
+            *offset -= innovation_m;
+            self.navigator
+                .reset_clock(column, *offset, NEW_OFFSET_SIGMA_M);
+            if let Some(known) = self.offset_is_known.get_mut(column) {
+                *known = true;
+            }
+        }
+        let systems = self.systems;
+        self.corrected.rows.retain(|measurement| {
+            let offset = offset_of(&systems, measurement.satellite.system());
+            innovation_m(measurement, at, offset)
+                .is_some_and(|innovation_m| libm::fabs(innovation_m) <= CODE_LOCK_M)
+        });
+    }
+
+    /// Innovations of the satellites whose clock column is `wanted`; `None` without any.
+    fn innovations(
+        &mut self,
+        at: &AntennaState<CLOCKS>,
+        wanted: impl Fn(Option<usize>) -> bool,
+    ) -> Option<&mut [f64]> {
+        let systems = self.systems;
+        let found = self.corrected.rows.iter().filter_map(|measurement| {
+            let offset = offset_of(&systems, measurement.satellite.system());
+            wanted(offset)
+                .then(|| innovation_m(measurement, at, offset))
+                .flatten()
+        });
+        let mut n = 0;
+        for (place, value) in self.innovations_m.iter_mut().zip(found) {
+            *place = value;
+            n += 1;
+        }
+        self.innovations_m
+            .get_mut(..n)
+            .filter(|found| !found.is_empty())
+    }
+
+    /// Rows, update, feedback; then the solution.
+    fn finish(&mut self, at: &AntennaState<CLOCKS>) -> Option<TightSolution> {
+        let systems = if self.reference.is_some() {
+            [None; System::ALL.len()]
+        } else {
+            self.systems
+        };
+        let mut used = SatelliteSet::EMPTY;
+        let mut present = [false; System::ALL.len()];
+        for measurement in &self.corrected.rows {
+            let system = measurement.satellite.system();
+            if self
+                .navigator
+                .add(measurement, at, offset_of(&systems, system))
+            {
+                used.insert(measurement.satellite);
+                if let Some(present) = present.get_mut(system.index()) {
+                    *present = true;
+                }
+            }
+        }
+        let solution = self
+            .navigator
+            .update()
+            .ok()
+            .and_then(|summary| self.solution(at.time, &summary, used, present));
+        if solution.is_none() {
+            self.lose(InertialStatus::Unhealthy);
+        }
+        solution
+    }
+
+    fn solution(
+        &self,
+        time: GpsTime,
+        summary: &UpdateSummary,
+        used: SatelliteSet,
+        present: [bool; System::ALL.len()],
+    ) -> Option<TightSolution> {
+        let at = self.navigator.antenna(time);
+        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
+        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
+        let c_e_b = rotation::to_matrix(&at.q_e_b);
+        let c_n_b = rotation::c_e_n(llh.lat_rad, llh.lon_rad).transpose() * c_e_b;
+        let filter = self.navigator.filter();
+        let enu = |block: usize| -> [[f64; 3]; 3] {
+            let p = symmetric(&filter.block(block));
+            (c_enu_e * p * c_enu_e.transpose()).into()
+        };
+        let sigmas = |p: [[f64; 3]; 3]| -> [f64; 3] {
+            let [[e, ..], [_, n, _], [.., u]] = p;
+            [libm::sqrt(e), libm::sqrt(n), libm::sqrt(u)]
+        };
+        let position = enu(POSITION);
+        let [[ee, en, _], [_, nn, _], [.., uu]] = position;
+        let half = 0.5 * (ee - nn);
+        let largest = 0.5 * (ee + nn) + libm::sqrt(half * half + en * en);
+        let [bias, drift, ..] = at.clock;
+        let mut clock_m = [None; System::ALL.len()];
+        for ((clock_m, present), column) in clock_m.iter_mut().zip(present).zip(self.systems) {
+            let offset_m = column
+                .filter(|_| self.reference.is_none())
+                .and_then(|column| at.clock.get(column));
+            *clock_m = present.then_some(bias + offset_m.copied().unwrap_or(0.0));
+        }
+        Some(TightSolution {
+            r_e_m: at.r_e_m,
+            llh,
+            velocity_enu_mps: (c_enu_e * Vector3::from(at.v_e_mps)).into(),
+            clock_m,
+            used,
+            navigation: Navigation {
+                v_e_mps: at.v_e_mps,
+                q_e_b: at.q_e_b,
+                roll_pitch_heading_deg: rotation::roll_pitch_heading(&c_n_b).map(f64::to_degrees),
+                clock: [bias, drift],
+                sigma_position_enu_m: sigmas(position),
+                sigma_velocity_enu_mps: sigmas(enu(VELOCITY)),
+                sigma_attitude_enu_deg: sigmas(enu(ATTITUDE)).map(f64::to_degrees),
+                fault_free_m: [
+                    self.k_fault_free * libm::sqrt(largest),
+                    self.k_fault_free * libm::sqrt(uu),
+                ],
+                nis: summary.nis,
+                nis_rows: u8::try_from(summary.rows).unwrap_or(u8::MAX),
+            },
+        })
+    }
+}
+
+/// Why no sample came that could be used.
+fn silence(before: Option<IntakeCounters>, now: IntakeCounters) -> InertialStatus {
+    let before = before.unwrap_or(now);
+    if now.saturated != before.saturated {
+        InertialStatus::ImuSaturated
+    } else if now.not_finite != before.not_finite {
+        InertialStatus::ImuNotFinite
+    } else if now.late != before.late || now.bad_interval != before.bad_interval {
+        InertialStatus::ImuTime
+    } else {
+        InertialStatus::ImuSilent
+    }
+}
+
+fn symmetric(s: &Symmetric) -> Matrix3<f64> {
+    let [xx, xy, xz, yy, yz, zz] = *s;
+    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
+}
+
+/// Clock column of a constellation's offset against the first, if it has one.
+fn offset_of(systems: &[Option<usize>; System::ALL.len()], system: System) -> Option<usize> {
+    systems.get(system.index()).copied().flatten()
+}
+
+/// Predicted minus measured pseudorange, m.
+fn innovation_m(
+    measurement: &CorrectedMeasurement,
+    at: &AntennaState<CLOCKS>,
+    offset: Option<usize>,
+) -> Option<f64> {
+    MeasurementRow::<JOINT>::new(measurement, at.r_e_m, at.v_e_mps, &at.clock, offset)
+        .map(|row| row.innovation_m)
+}
+
+/// The middle of some numbers (the lower of two), found by counting: there are a few dozen at most.
+fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len().saturating_sub(1) / 2;
+    values.iter().enumerate().find_map(|(at, value)| {
+        let below = values
+            .iter()
+            .enumerate()
+            .filter(|(other_at, other)| **other < *value || (**other == *value && *other_at < at))
+            .count();
+        (below == middle).then_some(*value)
+    })
+}
+
+/// How far the clock jumped, if most innovations say the same and no clock drifts so.
+fn common_jump(innovations_m: &mut [f64]) -> Option<f64> {
+    let middle_m = median(innovations_m)?;
+    let agreeing = innovations_m
+        .iter()
+        .filter(|value| libm::fabs(**value - middle_m) <= COMMON_M)
+        .count();
+    // An innovation is predicted minus measured.
+    (libm::fabs(middle_m) > JUMP_M && agreeing >= 2 && 2 * agreeing > innovations_m.len())
+        .then_some(-middle_m)
+}
