@@ -21,7 +21,7 @@ impl Interval {
 /// Where the average of `samples` independent chi-square numbers, each of `degrees` degrees of freedom,
 /// lies with probability `confidence`: both tails alike.
 ///
-/// Quantiles by Wilson and Hilferty, [AS] 26.4.17: good to 1e-4 of themselves from a hundred degrees
+/// Quantiles by Wilson and Hilferty, [AS] 26.4.17: good to 4e-4 of themselves from 120 degrees
 /// of freedom in all, which is what `samples * degrees` must reach.
 pub fn chi_square_interval(degrees: f64, samples: f64, confidence: f64) -> Interval {
     let all = degrees * samples;
@@ -43,8 +43,8 @@ mod tests {
         let interval = chi_square_interval(2.0, 60.0, 0.99);
         // 120 degrees of freedom, 0.5 % and 99.5 %: [AS] table 26.8.
         let (low, high) = (83.8516 / 60.0, 163.6482 / 60.0);
-        assert!((interval.high / high - 1.0).abs() < 2e-4);
-        assert!((interval.low / low - 1.0).abs() < 2e-4);
+        assert!((interval.high / high - 1.0).abs() < 4e-4);
+        assert!((interval.low / low - 1.0).abs() < 4e-4);
         assert!(!interval.contains(f64::NAN));
     }
 }
