@@ -22,7 +22,7 @@
 
 use super::filter::Filter;
 use super::information::EpochInformation;
-use super::joint::{JointWorkspace, PerMeasurement, for_each};
+use super::joint::{JointWorkspace, Scalar};
 use super::layout::{
     BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION, POSITION, VELOCITY, pair,
 };
@@ -34,25 +34,22 @@ type BlockVectors<const M: usize> = [[f64; 3]; M];
 /// What an update needs besides the filter; owned by the caller and shared by all filters.
 #[derive(Clone, Debug)]
 pub struct UpdateWorkspace<const K: usize, const M: usize> {
-    joint: JointWorkspace<M>,
-    /// v_q of each block of states.
-    vectors: [BlockVectors<M>; BLOCKS],
+    joint: JointWorkspace<K, M>,
+    /// v_q of the blocks of states behind the joint block.
+    vectors: [BlockVectors<M>; BLOCKS - 2],
     /// v_q/s_q of each block of states.
     gains: [BlockVectors<M>; BLOCKS],
-    /// v_q/s_q of clock bias and drift, and −ν_q/s_q: the columns that every filter has.
-    common: BlockVectors<M>,
-    /// v_q/s_q of each clock state.
-    clock_gains: [[f64; M]; K],
+    /// v_q/s_q of the clock states.
+    clock_gains: [[f64; K]; M],
 }
 
 impl<const K: usize, const M: usize> UpdateWorkspace<K, M> {
     /// Ready.
     pub const EMPTY: Self = Self {
         joint: JointWorkspace::EMPTY,
-        vectors: [[[0.0; 3]; M]; BLOCKS],
+        vectors: [[[0.0; 3]; M]; BLOCKS - 2],
         gains: [[[0.0; 3]; M]; BLOCKS],
-        common: [[0.0; 3]; M],
-        clock_gains: [[0.0; M]; K],
+        clock_gains: [[0.0; K]; M],
     };
 }
 
@@ -76,7 +73,15 @@ impl<const K: usize, const M: usize> Filter<K, M> {
     ) -> UpdateSummary {
         self.fill_joint(&mut workspace.joint);
         let nis = workspace.joint.take(information);
-        self.fill_vectors(workspace);
+        for (block, vectors) in (VELOCITY + 1..BLOCKS).zip(&mut workspace.vectors) {
+            block_vectors(
+                &self.covariance.off_diagonal[pair(POSITION, block)],
+                &self.covariance.off_diagonal[pair(VELOCITY, block)],
+                &self.cross[block],
+                &workspace.joint.combination,
+                vectors,
+            );
+        }
         self.downdate_clocks(workspace);
         self.downdate(workspace);
         UpdateSummary {
@@ -87,7 +92,7 @@ impl<const K: usize, const M: usize> Filter<K, M> {
 
     /// Covariance and state of position, velocity and clocks.
     #[inline(never)]
-    fn fill_joint(&self, joint: &mut JointWorkspace<M>) {
+    fn fill_joint(&self, joint: &mut JointWorkspace<K, M>) {
         let position = full(&self.covariance.diagonal[POSITION]);
         let velocity = full(&self.covariance.diagonal[VELOCITY]);
         let both = &self.covariance.off_diagonal[pair(POSITION, VELOCITY)];
@@ -116,61 +121,27 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         }
     }
 
-    /// v_q of all blocks of states.
-    #[inline(never)]
-    fn fill_vectors(&self, workspace: &mut UpdateWorkspace<K, M>) {
-        let UpdateWorkspace { joint, vectors, .. } = workspace;
-        let [position, velocity, rest @ ..] = vectors;
-        for ((p, v), direction) in position.iter_mut().zip(velocity).zip(&joint.direction) {
-            for i in 0..3 {
-                p[i] = direction[i];
-                v[i] = direction[3 + i];
-            }
-        }
-        for (block, vectors) in (VELOCITY + 1..).zip(rest) {
-            block_vectors(
-                &self.covariance.off_diagonal[pair(POSITION, block)],
-                &self.covariance.off_diagonal[pair(VELOCITY, block)],
-                &self.cross[block],
-                &joint.combination,
-                vectors,
-            );
-        }
-    }
-
     /// The update of the clock states, and what the other blocks need of it.
     #[inline(never)]
     fn downdate_clocks(&mut self, workspace: &mut UpdateWorkspace<K, M>) {
         let UpdateWorkspace {
-            joint,
-            common,
-            clock_gains,
-            ..
+            joint, clock_gains, ..
         } = workspace;
-        for k in 0..K {
-            let mut state = self.state.clock[k];
-            for q in 0..M {
-                let v = joint.direction[q][JOINT_NAVIGATION + k];
-                clock_gains[k][q] = v * joint.precision[q];
-                state += v * joint.step[q];
+        let measurements = joint.directions.clock.iter().zip(&joint.scalar);
+        for ((v, scalar), gains) in measurements.zip(clock_gains) {
+            for k in 0..K {
+                gains[k] = v[k] * scalar.precision;
+                self.state.clock[k] += v[k] * scalar.step;
             }
-            self.state.clock[k] = state;
-        }
-        for q in 0..M {
-            common[q] = [
-                clock_gains[CLOCK_BIAS][q],
-                clock_gains[CLOCK_DRIFT][q],
-                -joint.step[q],
-            ];
+            for k in 0..K {
+                for l in 0..=k {
+                    self.clock[k][l] -= v[k] * gains[l];
+                }
+            }
         }
         for k in 0..K {
-            for l in k..K {
-                let mut sum = self.clock[k][l];
-                for q in 0..M {
-                    sum -= joint.direction[q][JOINT_NAVIGATION + k] * clock_gains[l][q];
-                }
-                self.clock[k][l] = sum;
-                self.clock[l][k] = sum;
+            for l in 0..k {
+                self.clock[l][k] = self.clock[k][l];
             }
         }
     }
@@ -182,52 +153,35 @@ impl<const K: usize, const M: usize> Filter<K, M> {
             joint,
             vectors,
             gains,
-            common,
             clock_gains,
         } = workspace;
-        let blocks = self.covariance.diagonal.iter_mut().zip(&mut self.cross);
-        let states = self.state.navigation.iter_mut();
-        for (((diagonal, columns), state), (vectors, gains)) in
-            blocks.zip(states).zip(vectors.iter().zip(gains.iter_mut()))
-        {
-            subtract_symmetric(diagonal, vectors, &joint.precision, gains);
-            let (clock, offsets) = columns.split_at_mut(FIRST_OFFSET);
-            if let [bias, drift] = clock {
-                subtract_columns([bias, drift, state], vectors, common);
-            }
-            for (offset, gain) in offsets.iter_mut().zip(&clock_gains[FIRST_OFFSET..]) {
-                subtract_column(offset, vectors, gain);
-            }
+        let directions = &joint.directions;
+        let [attitude, gyro, accel] = vectors;
+        let vectors = [
+            &directions.position,
+            &directions.velocity,
+            attitude,
+            gyro,
+            accel,
+        ];
+        for (block, vectors) in vectors.into_iter().enumerate() {
+            subtract_symmetric(
+                &mut self.covariance.diagonal[block],
+                vectors,
+                &joint.scalar,
+                &mut gains[block],
+            );
+            let (columns, state) = (&mut self.cross[block], &mut self.state.navigation[block]);
+            subtract_columns(columns, state, vectors, clock_gains, &joint.scalar);
         }
         let mut off_diagonal = self.covariance.off_diagonal.iter_mut();
-        for (row, vectors) in vectors.iter().enumerate() {
+        for (row, vectors) in vectors.into_iter().enumerate() {
             for gains in &gains[row + 1..] {
                 if let Some(block) = off_diagonal.next() {
                     subtract(block, vectors, gains);
                 }
             }
         }
-    }
-}
-
-/// v_q of a block of states that no measurement touches itself.
-struct BlockCombination<'a, const K: usize, const M: usize> {
-    /// Covariance of a state with the joint block.
-    row: [f64; M],
-    combination: &'a [[f64; M]; M],
-    vectors: &'a mut BlockVectors<M>,
-    /// Which state of the block.
-    state: usize,
-}
-
-impl<const K: usize, const M: usize> PerMeasurement for BlockCombination<'_, K, M> {
-    #[inline(always)]
-    fn run<const Q: usize>(&mut self) {
-        let mut sum = 0.0;
-        for s in 0..=Q {
-            sum += self.row[s] * self.combination[Q][s];
-        }
-        self.vectors[Q][self.state] = sum;
     }
 }
 
@@ -240,22 +194,54 @@ fn block_vectors<const K: usize, const M: usize>(
     combination: &[[f64; M]; M],
     vectors: &mut BlockVectors<M>,
 ) {
-    for state in 0..3 {
-        let mut row = [0.0; M];
-        for i in 0..3 {
-            // The blocks are stored with the measured state first.
-            row[i] = position[3 * i + state];
-            row[3 + i] = velocity[3 * i + state];
+    // The blocks are stored with the measured state first.
+    let column = |s: usize| match s {
+        0..3 => [position[3 * s], position[3 * s + 1], position[3 * s + 2]],
+        3..JOINT_NAVIGATION => {
+            let at = 3 * (s - 3);
+            [velocity[at], velocity[at + 1], velocity[at + 2]]
         }
-        for k in 0..K {
-            row[JOINT_NAVIGATION + k] = clocks[k][state];
+        _ => clocks[s - JOINT_NAVIGATION],
+    };
+    vectors_from::<0, M>(column, combination, vectors);
+    vectors_from::<3, M>(column, combination, vectors);
+    vectors_from::<6, M>(column, combination, vectors);
+    vectors_from::<9, M>(column, combination, vectors);
+}
+
+/// v_q of three measurements, so that each column of the covariance is read once for all three.
+#[inline(always)]
+fn vectors_from<const FIRST: usize, const M: usize>(
+    column: impl Fn(usize) -> [f64; 3],
+    combination: &[[f64; M]; M],
+    vectors: &mut BlockVectors<M>,
+) {
+    if FIRST >= M {
+        return;
+    }
+    let mut sums = [[0.0; 3]; 3];
+    for j in 0..3 {
+        if FIRST + j < M {
+            sums[j] = column(FIRST + j);
         }
-        for_each::<M>(&mut BlockCombination::<K, M> {
-            row,
-            combination,
-            vectors,
-            state,
-        });
+    }
+    for s in 0..FIRST + 2 {
+        if s < M {
+            let column = column(s);
+            for j in 0..3 {
+                let q = FIRST + j;
+                if s < q && q < M {
+                    for i in 0..3 {
+                        sums[j][i] += column[i] * combination[q][s];
+                    }
+                }
+            }
+        }
+    }
+    for j in 0..3 {
+        if FIRST + j < M {
+            vectors[FIRST + j] = sums[j];
+        }
     }
 }
 
@@ -264,11 +250,12 @@ fn block_vectors<const K: usize, const M: usize>(
 fn subtract_symmetric<const M: usize>(
     p: &mut Symmetric,
     vectors: &BlockVectors<M>,
-    precision: &[f64; M],
+    scalar: &[Scalar; M],
     gains: &mut BlockVectors<M>,
 ) {
     let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = *p;
-    for (([x, y, z], precision), gain) in vectors.iter().zip(precision).zip(gains) {
+    for (([x, y, z], scalar), gain) in vectors.iter().zip(scalar).zip(gains) {
+        let precision = scalar.precision;
         let (gx, gy, gz) = (x * precision, y * precision, z * precision);
         xx -= x * gx;
         xy -= x * gy;
@@ -295,39 +282,35 @@ fn subtract<const M: usize>(p: &mut Block, vectors: &BlockVectors<M>, gains: &Bl
     *p = sum;
 }
 
-/// The same of three columns that lie apart.
+/// The same of the covariance with the clock states, and the state's own step.
 #[inline(never)]
-fn subtract_columns<const M: usize>(
-    columns: [&mut [f64; 3]; 3],
+fn subtract_columns<const K: usize, const M: usize>(
+    columns: &mut [[f64; 3]; K],
+    state: &mut [f64; 3],
     vectors: &BlockVectors<M>,
-    gains: &BlockVectors<M>,
+    gains: &[[f64; K]; M],
+    scalar: &[Scalar; M],
 ) {
-    let [first, second, third] = columns;
-    let (mut a, mut b, mut c) = (*first, *second, *third);
-    for (v, [ga, gb, gc]) in vectors.iter().zip(gains) {
+    let (mut bias, mut drift) = (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]);
+    let mut moved = *state;
+    for ((v, gain), scalar) in vectors.iter().zip(gains).zip(scalar) {
         for i in 0..3 {
-            a[i] -= v[i] * ga;
-            b[i] -= v[i] * gb;
-            c[i] -= v[i] * gc;
+            bias[i] -= v[i] * gain[CLOCK_BIAS];
+            drift[i] -= v[i] * gain[CLOCK_DRIFT];
+            moved[i] += v[i] * scalar.step;
         }
     }
-    (*first, *second, *third) = (a, b, c);
-}
-
-/// The same of one column.
-#[inline(never)]
-fn subtract_column<const M: usize>(
-    column: &mut [f64; 3],
-    vectors: &BlockVectors<M>,
-    gain: &[f64; M],
-) {
-    let mut sum = *column;
-    for (vector, gain) in vectors.iter().zip(gain) {
-        for i in 0..3 {
-            sum[i] -= vector[i] * gain;
+    *state = moved;
+    (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]) = (bias, drift);
+    for k in FIRST_OFFSET..K {
+        let mut offset = columns[k];
+        for (v, gain) in vectors.iter().zip(gains) {
+            for i in 0..3 {
+                offset[i] -= v[i] * gain[k];
+            }
         }
+        columns[k] = offset;
     }
-    *column = sum;
 }
 
 #[cfg(test)]
