@@ -40,6 +40,7 @@ pub mod ingest;
 pub mod ins;
 pub mod integrity;
 pub mod linalg;
+pub mod mhss;
 pub mod monitor;
 pub mod raim;
 pub mod report;

@@ -2,6 +2,7 @@
 
 pub mod campaign;
 pub mod faults;
+pub mod imu;
 pub mod output;
 pub mod qemu;
 pub mod reference;

@@ -20,6 +20,7 @@ use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
+use crate::imu::{self, ImuSettings};
 use crate::output::{self, Summary};
 use crate::qemu::QemuExecutor;
 use crate::source::{self, RecordingInfo};
@@ -148,6 +149,10 @@ pub struct ReplayOptions {
     pub truth: TruthChoice,
     /// The monitor's configuration.
     pub config: Config,
+    /// Recording of an inertial unit.
+    pub imu: Option<PathBuf>,
+    /// What a configuration file says of it.
+    pub imu_settings: Option<ImuSettings>,
     /// Faults to put on it.
     pub faults: Vec<FaultSpec>,
     /// Seed of the random faults.
@@ -164,6 +169,8 @@ impl ReplayOptions {
             nav: Vec::new(),
             truth: TruthChoice::FromRecording,
             config: Config::PRESET,
+            imu: None,
+            imu_settings: None,
             faults: Vec::new(),
             seed: 1,
             machine: Machine::Host,
@@ -227,14 +234,26 @@ pub fn run(
     if let Err(error) = options.config.check() {
         bail!("the configuration is not legal: {error:?}");
     }
+    let imu = options
+        .imu
+        .as_ref()
+        .map(|path| imu::read(path, options.imu_settings.as_ref()))
+        .transpose()?;
     let stream = source::stream(
         &options.gnss,
         &options.nav,
         &options.config,
         &options.faults,
         options.seed,
+        imu.as_ref(),
     )?;
-    let info = stream.info;
+    let mut info = stream.info;
+    if let Some(imu) = &imu {
+        info.imu_samples = imu.samples.len() as u64;
+        if imu.bad_lines > 0 {
+            info.losses.insert("imu_bad_lines".into(), imu.bad_lines);
+        }
+    }
     let mut reader = OutputReader::default();
     let mut executor: Box<dyn Executor> = match options.machine {
         Machine::Host => Box::new(HostExecutor),
@@ -302,6 +321,8 @@ struct InputSummary<'a> {
     gnss: String,
     nav: Vec<String>,
     format: &'a str,
+    imu: Option<String>,
+    imu_samples: u64,
     faults: Vec<String>,
     seed: u64,
 }
@@ -375,6 +396,8 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
                 .map(|path| path.display().to_string())
                 .collect(),
             format: &result.info.format,
+            imu: options.imu.as_ref().map(|path| path.display().to_string()),
+            imu_samples: result.info.imu_samples,
             faults: options.faults.iter().map(|f| f.to_string()).collect(),
             seed: options.seed,
         },

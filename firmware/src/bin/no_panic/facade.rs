@@ -57,13 +57,13 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     call1(CycleCounter::now, &mut NoCounter);
 }
 
-const SAMPLE: ImuSample = ImuSample {
+pub const SAMPLE: ImuSample = ImuSample {
     time: GpsTime::from_ns(0),
     interval_ns: 10_000_000,
     dtheta_is_s_rad: [0.0; 3],
     dv_is_s_mps: [0.0; 3],
 };
-const STATE: InitialState = InitialState {
+pub const STATE: InitialState = InitialState {
     time: GpsTime::from_ns(0),
     r_eb_e_m: [0.0; 3],
     v_eb_e_mps: [0.0; 3],
@@ -83,7 +83,7 @@ const MODEL: ReferenceModel = ReferenceModel {
     exclude: true,
     hold_ns: 0,
 };
-const UNIT: InertialConfig = InertialConfig {
+pub const UNIT: InertialConfig = InertialConfig {
     interval_ns: 10_000_000,
     c_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     lever_arm_b_m: [0.0; 3],

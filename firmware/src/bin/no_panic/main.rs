@@ -13,6 +13,8 @@ mod facade;
 #[cfg(target_os = "none")]
 mod gnss;
 #[cfg(target_os = "none")]
+mod ins;
+#[cfg(target_os = "none")]
 mod integrity;
 #[cfg(target_os = "none")]
 mod numbers;
@@ -33,6 +35,7 @@ fn main() -> ! {
     wire::all();
     gnss::all();
     integrity::all();
+    ins::all(&facade::UNIT, &facade::STATE, &facade::SAMPLE);
     raim::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]

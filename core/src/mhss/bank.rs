@@ -1,0 +1,500 @@
+//! The bank: one filter per satellite left out, one per pair.
+//!
+//! In: the shared transition, the rows of an epoch, the main filter. Out: separations, levels, which
+//! satellite is isolated; the main filter is replaced when a satellite is excluded.
+//!
+//! | filter | without | stored in | how many |
+//! |---|---|---|---|
+//! | F00 | none | the navigator | 1 |
+//! | F0n | n | [`SubFilters`] | N |
+//! | Fnm | n and m | [`Secondaries`] | N (N − 1) / 2 |
+//!
+//! The information of an epoch without one or two satellites is summed up from parts (those before,
+//! between and after), never subtracted from the whole. Births, held satellites, deaths and exclusion:
+//! docs/decisions/006-filter-bank.md. Equations: [P0] (26)-(32).
+
+use heapless::Vec;
+use nalgebra::Matrix3;
+
+use super::separation::{self, Separation, SeparationQuantiles};
+use crate::ekf::filter::PredictWorkspace;
+use crate::ekf::{
+    EpochInformation, ErrorState, Filter, MeasurementRow, Transition, UpdateWorkspace,
+};
+use crate::gnss::{Satellite, SatelliteSet};
+use crate::time::GpsTime;
+
+/// Most satellites in the bank.
+pub const MAX_BANK: usize = 24;
+/// Pairs of them.
+pub const MAX_PAIRS: usize = MAX_BANK * (MAX_BANK - 1) / 2;
+
+/// Where the filter without the satellites of two different places is stored.
+const fn pair(a: usize, b: usize) -> usize {
+    let (low, high) = if a < b { (a, b) } else { (b, a) };
+    low * (2 * MAX_BANK - low - 1) / 2 + high - low - 1
+}
+
+const _: () = assert!(pair(0, 1) == 0 && pair(MAX_BANK - 1, MAX_BANK - 2) == MAX_PAIRS - 1);
+
+/// Filters that leave one satellite out, by the satellite's place.
+#[derive(Clone, Debug)]
+pub struct SubFilters<const K: usize, const M: usize> {
+    filters: [Filter<K, M>; MAX_BANK],
+}
+
+impl<const K: usize, const M: usize> SubFilters<K, M> {
+    /// Empty.
+    pub const EMPTY: Self = Self {
+        filters: [const { Filter::EMPTY }; MAX_BANK],
+    };
+}
+
+/// Filters that leave two satellites out, by the pair of places. The largest part of the bank: a memory of
+/// its own on a microcontroller.
+#[derive(Clone, Debug)]
+pub struct Secondaries<const K: usize, const M: usize> {
+    filters: [Filter<K, M>; MAX_PAIRS],
+}
+
+impl<const K: usize, const M: usize> Secondaries<K, M> {
+    /// Empty.
+    pub const EMPTY: Self = Self {
+        filters: [const { Filter::EMPTY }; MAX_PAIRS],
+    };
+}
+
+/// A satellite of an epoch with its rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankRow<const M: usize> {
+    /// Which satellite.
+    pub satellite: Satellite,
+    /// Its linearised measurements.
+    pub row: MeasurementRow<M>,
+}
+
+/// A satellite with a place in the bank.
+#[derive(Clone, Copy, Debug)]
+struct Member {
+    satellite: Satellite,
+    /// Its place: number of its sub-filter.
+    place: usize,
+    /// First epoch without it, if it is missing.
+    missing_since: Option<GpsTime>,
+    separation: Separation,
+}
+
+/// What the bank says of an epoch, before any exclusion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankVerdict {
+    /// At least one test failed.
+    pub detected: bool,
+    /// The satellite that the secondary filters single out.
+    pub isolated: Option<Satellite>,
+    /// Largest T + a over the sub-filters, horizontal and vertical, m; 0 for an empty bank.
+    pub level_m: [f64; 2],
+    /// Largest d + a: how far off the position may be while a fault is present, m.
+    pub alerted_level_m: [f64; 2],
+    /// Fault-free level of the main filter, m.
+    pub fault_free_m: [f64; 2],
+}
+
+/// Everything of the bank but its filters.
+#[derive(Clone, Debug)]
+pub struct Bank<const K: usize, const M: usize> {
+    /// In the order of their first use.
+    members: Vec<Member, MAX_BANK>,
+    excluded: SatelliteSet,
+    /// Rows of the members present at this epoch, in the order of the members.
+    rows: [Option<MeasurementRow<M>>; MAX_BANK],
+    n_unmonitored: u8,
+    /// Information of the members from each on to the last.
+    after: [EpochInformation<M>; MAX_BANK + 1],
+    before: EpochInformation<M>,
+    between: EpochInformation<M>,
+    without: EpochInformation<M>,
+    predict_workspace: PredictWorkspace,
+    update_workspace: UpdateWorkspace<K, M>,
+}
+
+impl<const K: usize, const M: usize> Bank<K, M> {
+    /// No satellite.
+    pub const EMPTY: Self = Self {
+        members: Vec::new(),
+        excluded: SatelliteSet::EMPTY,
+        rows: [None; MAX_BANK],
+        n_unmonitored: 0,
+        after: [const { EpochInformation::ZERO }; MAX_BANK + 1],
+        before: EpochInformation::ZERO,
+        between: EpochInformation::ZERO,
+        without: EpochInformation::ZERO,
+        predict_workspace: PredictWorkspace::EMPTY,
+        update_workspace: UpdateWorkspace::EMPTY,
+    };
+
+    /// Forgets every satellite.
+    pub fn clear(&mut self) {
+        self.members.clear();
+        self.excluded = SatelliteSet::EMPTY;
+        self.rows = [None; MAX_BANK];
+        self.n_unmonitored = 0;
+    }
+
+    /// Satellites in the bank, those held included.
+    pub fn len(&self) -> usize {
+        self.members.len()
+    }
+
+    /// Whether no satellite is in the bank.
+    pub fn is_empty(&self) -> bool {
+        self.members.is_empty()
+    }
+
+    /// Satellites excluded so far.
+    pub const fn excluded(&self) -> SatelliteSet {
+        self.excluded
+    }
+
+    /// Satellites of the last epoch that found no place: they are in no filter.
+    pub const fn n_unmonitored(&self) -> u8 {
+        self.n_unmonitored
+    }
+
+    /// The satellites in the bank with their tests, in the order of their first use.
+    pub fn separations(&self) -> impl Iterator<Item = (Satellite, &Separation)> {
+        self.members
+            .iter()
+            .map(|member| (member.satellite, &member.separation))
+    }
+
+    /// Carries all filters but the main one to the epoch.
+    #[inline(never)]
+    pub fn predict(
+        &mut self,
+        transition: &Transition,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) {
+        let workspace = &mut self.predict_workspace;
+        for (at, member) in self.members.iter().enumerate() {
+            if let Some(filter) = sub.filters.get_mut(member.place) {
+                filter.predict(transition, workspace);
+            }
+            for other in self.members.iter().skip(at + 1) {
+                if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
+                    filter.predict(transition, workspace);
+                }
+            }
+        }
+    }
+
+    /// Takes in the satellites of an epoch, after [`Bank::predict`] and before the main filter is
+    /// updated: those that are new begin as copies, those missing for `hold_ns` are removed. Excluded
+    /// satellites and those beyond the bank's capacity are passed over.
+    ///
+    /// `information` becomes that of all members present: what the main filter is to be updated with.
+    #[inline(never)]
+    pub fn admit(
+        &mut self,
+        time: GpsTime,
+        rows: &[BankRow<M>],
+        hold_ns: i64,
+        main: &Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+        information: &mut EpochInformation<M>,
+    ) {
+        self.members.retain_mut(|member| {
+            if rows.iter().any(|row| row.satellite == member.satellite) {
+                member.missing_since = None;
+                return true;
+            }
+            let since = *member.missing_since.get_or_insert(time);
+            time.ns().wrapping_sub(since.ns()) < hold_ns
+        });
+        self.n_unmonitored = 0;
+        for row in rows {
+            let is_member = |member: &Member| member.satellite == row.satellite;
+            if self.excluded.contains(row.satellite) || self.members.iter().any(is_member) {
+                continue;
+            }
+            if !self.begin(row.satellite, main, sub, secondaries) {
+                self.n_unmonitored = self.n_unmonitored.saturating_add(1);
+            }
+        }
+        self.rows = [None; MAX_BANK];
+        for (member, place) in self.members.iter().zip(&mut self.rows) {
+            *place = rows
+                .iter()
+                .find(|row| row.satellite == member.satellite)
+                .map(|row| row.row);
+        }
+        self.sum_up(information);
+    }
+
+    /// Gives a satellite a place; false when there is none.
+    fn begin(
+        &mut self,
+        satellite: Satellite,
+        main: &Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> bool {
+        let is_free = |place: &usize| self.members.iter().all(|member| member.place != *place);
+        let Some(place) = (0..MAX_BANK).find(is_free) else {
+            return false;
+        };
+        for member in &self.members {
+            let copy = sub.filters.get(member.place);
+            let own = secondaries.filters.get_mut(pair(member.place, place));
+            if let (Some(copy), Some(own)) = (copy, own) {
+                own.clone_from(copy);
+            }
+        }
+        if let Some(own) = sub.filters.get_mut(place) {
+            own.clone_from(main);
+        }
+        self.members
+            .push(Member {
+                satellite,
+                place,
+                missing_since: None,
+                separation: Separation::ZERO,
+            })
+            .is_ok()
+    }
+
+    /// Sums of the rows from each member on to the last.
+    fn sum_up(&mut self, information: &mut EpochInformation<M>) {
+        let n = self.members.len();
+        let mut sum = EpochInformation::ZERO;
+        for (at, place) in self.after.iter_mut().enumerate().rev() {
+            if at > n {
+                continue;
+            }
+            if let Some(row) = self.rows.get(at).and_then(Option::as_ref) {
+                sum.add_row(row);
+            }
+            place.clone_from(&sum);
+        }
+        information.clone_from(&sum);
+    }
+
+    /// Updates all filters but the main one.
+    #[inline(never)]
+    pub fn update(&mut self, sub: &mut SubFilters<K, M>, secondaries: &mut Secondaries<K, M>) {
+        let Self {
+            members,
+            rows,
+            after,
+            before,
+            between,
+            without,
+            update_workspace,
+            ..
+        } = self;
+        before.clear();
+        for (at, (member, row)) in members.iter().zip(rows.iter()).enumerate() {
+            let Some(rest) = after.get(at + 1) else {
+                break;
+            };
+            without.clone_from(before);
+            without.add(rest);
+            if let Some(filter) = sub.filters.get_mut(member.place) {
+                filter.update(without, update_workspace);
+            }
+            between.clone_from(before);
+            let others = members.iter().zip(rows.iter()).enumerate().skip(at + 1);
+            for (other_at, (other, other_row)) in others {
+                let Some(rest) = after.get(other_at + 1) else {
+                    break;
+                };
+                without.clone_from(between);
+                without.add(rest);
+                if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
+                    filter.update(without, update_workspace);
+                }
+                if let Some(row) = other_row {
+                    between.add_row(row);
+                }
+            }
+            if let Some(row) = row {
+                before.add_row(row);
+            }
+        }
+    }
+
+    /// Tests every sub-filter against the main filter, which has been updated, and looks for the one
+    /// satellite that explains what it finds.
+    #[inline(never)]
+    pub fn test(
+        &mut self,
+        quantiles: &SeparationQuantiles,
+        vertical: bool,
+        c_enu_e: &Matrix3<f64>,
+        main: &Filter<K, M>,
+        sub: &SubFilters<K, M>,
+        secondaries: &Secondaries<K, M>,
+    ) -> BankVerdict {
+        let k_detection = quantiles.detection(self.members.len());
+        let mut verdict = BankVerdict {
+            detected: false,
+            isolated: None,
+            level_m: [0.0; 2],
+            alerted_level_m: [0.0; 2],
+            fault_free_m: separation::sigmas_m(main, c_enu_e)
+                .map(|sigma| sigma * quantiles.fault_free()),
+        };
+        for member in &mut self.members {
+            let Some(filter) = sub.filters.get(member.place) else {
+                continue;
+            };
+            let spread = separation::spread(main, filter, c_enu_e);
+            let found = Separation {
+                statistic_m: spread.distance_m,
+                threshold_m: spread.sigma_m.map(|sigma| sigma * k_detection),
+                uncertainty_m: separation::sigmas_m(filter, c_enu_e)
+                    .map(|sigma| sigma * quantiles.missed()),
+            };
+            member.separation = found;
+            verdict.detected |= found.fails(0) || vertical && found.fails(1);
+            for axis in 0..2 {
+                raise(
+                    &mut verdict.level_m,
+                    axis,
+                    &found.threshold_m,
+                    &found.uncertainty_m,
+                );
+                raise(
+                    &mut verdict.alerted_level_m,
+                    axis,
+                    &found.statistic_m,
+                    &found.uncertainty_m,
+                );
+            }
+        }
+        if verdict.detected {
+            verdict.isolated = self.isolate(quantiles, vertical, c_enu_e, sub, secondaries);
+        }
+        verdict
+    }
+
+    /// The one satellite whose own test fails and without which no second one is suspect.
+    #[inline(never)]
+    fn isolate(
+        &self,
+        quantiles: &SeparationQuantiles,
+        vertical: bool,
+        c_enu_e: &Matrix3<f64>,
+        sub: &SubFilters<K, M>,
+        secondaries: &Secondaries<K, M>,
+    ) -> Option<Satellite> {
+        let k_isolation = quantiles.detection(self.members.len().checked_sub(1)?);
+        let mut found = None;
+        for member in &self.members {
+            let without = sub.filters.get(member.place)?;
+            let is_quiet = self
+                .members
+                .iter()
+                .filter(|other| other.place != member.place)
+                .all(|other| {
+                    let filter = secondaries.filters.get(pair(member.place, other.place));
+                    filter.is_some_and(|filter| {
+                        let spread = separation::spread(without, filter, c_enu_e);
+                        let second = Separation {
+                            statistic_m: spread.distance_m,
+                            threshold_m: spread.sigma_m.map(|sigma| sigma * k_isolation),
+                            uncertainty_m: [0.0; 2],
+                        };
+                        !second.fails(0) && !(vertical && second.fails(1))
+                    })
+                });
+            if !is_quiet {
+                continue;
+            }
+            // A second one that explains it as well leaves it open.
+            if found.is_some() {
+                return None;
+            }
+            found = Some(member);
+        }
+        let own_test_fails =
+            |member: &&Member| member.separation.fails(0) || vertical && member.separation.fails(1);
+        found.filter(own_test_fails).map(|member| member.satellite)
+    }
+
+    /// Leaves a satellite out from now on: its sub-filter becomes the main one, its secondaries become
+    /// the sub-filters, and new secondaries begin as their copies. False when it is not in the bank.
+    #[inline(never)]
+    pub fn exclude(
+        &mut self,
+        satellite: Satellite,
+        main: &mut Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> bool {
+        let Some(at) = self
+            .members
+            .iter()
+            .position(|member| member.satellite == satellite)
+        else {
+            return false;
+        };
+        let place = self.members.remove(at).place;
+        self.excluded.insert(satellite);
+        if let Some(filter) = sub.filters.get(place) {
+            main.clone_from(filter);
+        }
+        for member in &self.members {
+            let copy = secondaries.filters.get(pair(place, member.place));
+            let own = sub.filters.get_mut(member.place);
+            if let (Some(copy), Some(own)) = (copy, own) {
+                own.clone_from(copy);
+            }
+        }
+        for (at, member) in self.members.iter().enumerate() {
+            for other in self.members.iter().skip(at + 1) {
+                let copy = sub.filters.get(member.place);
+                let own = secondaries.filters.get_mut(pair(member.place, other.place));
+                if let (Some(copy), Some(own)) = (copy, own) {
+                    own.clone_from(copy);
+                }
+            }
+        }
+        true
+    }
+
+    /// The nominal was corrected: all filters are now errors of the corrected one.
+    #[inline(never)]
+    pub fn rereference(
+        &self,
+        correction: &ErrorState<K>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) {
+        for (at, member) in self.members.iter().enumerate() {
+            if let Some(filter) = sub.filters.get_mut(member.place) {
+                filter.rereference(correction);
+            }
+            for other in self.members.iter().skip(at + 1) {
+                if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
+                    filter.rereference(correction);
+                }
+            }
+        }
+    }
+}
+
+/// Raises a level of an axis to `of + and` if that is higher; what is no number makes it infinite.
+fn raise(level_m: &mut [f64; 2], axis: usize, of: &[f64; 2], and: &[f64; 2]) {
+    let (Some(level), Some(of), Some(and)) = (level_m.get_mut(axis), of.get(axis), and.get(axis))
+    else {
+        return;
+    };
+    let sum = of + and;
+    if sum > *level {
+        *level = sum;
+    } else if sum.is_nan() {
+        *level = f64::INFINITY;
+    }
+}

@@ -1,0 +1,69 @@
+//! `frames::rotation`, `ins` but for its vocabulary.
+
+use crate::call::{call1, call2, call4};
+use core::hint::black_box;
+use surefix_core::frames::rotation;
+use surefix_core::ins::{
+    CoarseAlignment, ImuSample, Increment, InertialConfig, InitialState, Intake, Mechanisation,
+    gravity,
+};
+use surefix_core::time::GpsTime;
+
+pub fn all(config: &InertialConfig, state: &InitialState, sample: &ImuSample) {
+    rotations();
+    let vector = &[0.0; 3].into();
+    call1(gravity::gravity_e, vector);
+    call1(gravity::gravity_gradient_e, vector);
+
+    let mut mechanisation = Mechanisation::EMPTY;
+    let increment = Increment {
+        dtheta_b: *vector,
+        dv_b: *vector,
+        dt_s: 0.0,
+    };
+    call2(Mechanisation::start, &mut mechanisation, state);
+    call2(Mechanisation::step, &mut mechanisation, &increment);
+    Mechanisation::correct(
+        black_box(&mut mechanisation),
+        black_box(vector),
+        black_box(vector),
+        black_box(vector),
+        black_box(vector),
+        black_box(vector),
+    );
+
+    let mut intake = Intake::EMPTY;
+    call2(Intake::configure, &mut intake, config);
+    call2(Intake::take, &mut intake, sample);
+    call1(Intake::counters, &intake);
+    call1(Intake::last_time, &intake);
+
+    let mut alignment = CoarseAlignment::EMPTY;
+    call2(CoarseAlignment::configure, &mut alignment, &config.start);
+    call2(CoarseAlignment::accumulate, &mut alignment, &increment);
+    let time = GpsTime::from_ns(0);
+    call4(
+        CoarseAlignment::epoch,
+        &mut alignment,
+        time,
+        vector,
+        Some(vector),
+    );
+    call1(CoarseAlignment::restart, &mut alignment);
+}
+
+fn rotations() {
+    let q = &rotation::IDENTITY;
+    let c = &rotation::c_e_n(0.0, 0.0);
+    let vector = &[0.0; 3].into();
+    call2(rotation::product, q, q);
+    call1(rotation::from_rotation_vector, vector);
+    call1(rotation::normalised, q);
+    call1(rotation::with_positive_scalar, q);
+    call1(rotation::to_matrix, q);
+    call1(rotation::from_matrix, c);
+    call1(rotation::c_n_b, &[0.0; 3]);
+    call1(rotation::roll_pitch_heading, c);
+    call2(rotation::c_e_n, 0.0, 0.0);
+    call1(rotation::skew, vector);
+}
