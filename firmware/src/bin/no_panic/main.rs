@@ -9,6 +9,8 @@
 #[cfg(target_os = "none")]
 mod call;
 #[cfg(target_os = "none")]
+mod ekf;
+#[cfg(target_os = "none")]
 mod facade;
 #[cfg(target_os = "none")]
 mod gnss;
