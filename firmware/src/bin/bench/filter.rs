@@ -84,9 +84,7 @@ fn epoch<'a>(random: &mut Random, process: &'a mut ProcessAccumulator) -> &'a Tr
         OMEGA_EARTH_RADPS,
     );
     process.start(&NOISE, &CLOCK, OMEGA_EARTH_RADPS, &lever);
-    process.set_gradient(&[
-        1e-7, 8e-7, 2e-6, 8e-7, -1e-6, 5e-7, 2e-6, 5e-7, 1e-6,
-    ]);
+    process.set_gradient(&[1e-7, 8e-7, 2e-6, 8e-7, -1e-6, 5e-7, 2e-6, 5e-7, 1e-6]);
     let dv_e_mps = [0.065, 0.012, 0.073];
     let mut row = Row::new();
     for _ in 0..RUNS {

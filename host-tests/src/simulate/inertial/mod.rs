@@ -159,7 +159,7 @@ pub fn fly(request: &Request) -> Result<Scenario> {
         );
     }
     let gnss_hz = request.gnss_rate_hz;
-    if !(1..=50).contains(&gnss_hz) || imu_hz % gnss_hz != 0 || 1000 % gnss_hz != 0 {
+    if !(1..=50).contains(&gnss_hz) || !imu_hz.is_multiple_of(gnss_hz) || 1000 % gnss_hz != 0 {
         bail!(
             "--rate-hz {gnss_hz} does not divide {imu_hz} samples and 1000 ms: epochs must coincide with inertial samples"
         );
