@@ -28,7 +28,7 @@ fn example(name: &str) -> Settings {
 enum Taken {
     Unit,
     Sample(ImuSample),
-    Epoch(ObservationEpoch),
+    Epoch(Box<ObservationEpoch>),
 }
 
 fn taken(bytes: &[u8]) -> Vec<Taken> {
@@ -41,7 +41,7 @@ fn taken(bytes: &[u8]) -> Vec<Taken> {
             Event::Configuration(config) => ingest.configure(&config),
             Event::Inertial(_) => all.push(Taken::Unit),
             Event::Imu(sample) => all.push(Taken::Sample(sample)),
-            Event::EpochReady => all.push(Taken::Epoch(ingest.epoch().clone())),
+            Event::EpochReady => all.push(Taken::Epoch(Box::new(ingest.epoch().clone()))),
             Event::EndOfStream => return all,
             Event::Nothing => assert!(!rest.is_empty(), "the end is told"),
             _ => {}
@@ -52,7 +52,7 @@ fn taken(bytes: &[u8]) -> Vec<Taken> {
 fn epochs(all: &[Taken]) -> Vec<&ObservationEpoch> {
     all.iter()
         .filter_map(|taken| match taken {
-            Taken::Epoch(epoch) => Some(epoch),
+            Taken::Epoch(epoch) => Some(&**epoch),
             _ => None,
         })
         .collect()

@@ -218,6 +218,11 @@ impl ProcessAccumulator {
         &self.transition
     }
 
+    /// The transition accumulated so far; whole after [`ProcessAccumulator::finish`].
+    pub const fn transition(&self) -> &Transition {
+        &self.transition
+    }
+
     /// Begins the next epoch.
     pub fn begin(&mut self) {
         self.restart();

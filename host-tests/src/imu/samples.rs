@@ -197,12 +197,14 @@ fn read_csv(text: &str, file: &FileSettings, nominal_ns: u32) -> Result<(Vec<Imu
     let zero = match (file.time_scale, file.week) {
         (TimeScale::GpstUnixS, None) => GpsTime::from_ns(-GPS_EPOCH_UNIX_S * NS_PER_S),
         (TimeScale::GpstSow, Some(week)) => GpsTime::from_week_tow_s(week.into(), 0),
-        (TimeScale::ScenarioS, None) => GpsTime::from_ns(0),
+        (TimeScale::ScenarioS, week) => GpsTime::from_week_tow_s(week.unwrap_or(0).into(), 0),
         (TimeScale::GpstSow, None) => {
             bail!("[imu.file] time_scale = \"gpst_sow\" counts from the start of a week: give week")
         }
-        (_, Some(_)) => {
-            bail!("[imu.file] week goes with time_scale = \"gpst_sow\" only: leave it out")
+        (TimeScale::GpstUnixS, Some(_)) => {
+            bail!(
+                "[imu.file] time_scale = \"gpst_unix_s\" names every instant by itself: leave out week"
+            )
         }
     };
     if !(-1e6..=1e6).contains(&file.time_offset_s) {
@@ -370,9 +372,9 @@ mod tests {
         let line = "1,0,0,1,0,0,0\n";
         refused("time_scale = \"gpst_sow\"\n", line, &["week"]);
         refused(
-            "time_scale = \"scenario_s\"\nweek = 7\n",
+            "time_scale = \"gpst_unix_s\"\nweek = 7\n",
             line,
-            &["leave it out"],
+            &["leave out week"],
         );
         let scenario = "time_scale = \"scenario_s\"\n";
         refused(scenario, "", &["empty"]);

@@ -110,7 +110,8 @@ pub(super) enum TimeScale {
     GpstUnixS,
     /// GPST as seconds of the week given.
     GpstSow,
-    /// Seconds of a scenario, which starts with GPS week 0.
+    /// Seconds of a scenario, which starts with the GPS week given, or 0; `time_offset_s` moves it to
+    /// where it was flown.
     ScenarioS,
 }
 
@@ -445,7 +446,7 @@ mod tests {
         close(config.noise.vrw, 1.961_33e-3);
         close(config.noise.gyro_bias_walk, 2.802_391_220_286_335e-6);
         close(config.noise.accel_bias_walk, 1.700_575_144_508_671e-4);
-        close(config.sigma.gyro_bias_radps, 2.424_068_405_547_680e-4);
+        close(config.sigma.gyro_bias_radps, 2.424_068_405_547_68e-4);
         close(config.sigma.accel_bias_mps2, 4.903_325e-2);
         let sheet = settings(
             "noise = { gyro_deg_per_s_sqrt_hz = 0.0038, accel_ug_per_sqrt_hz = 70 }\nsigma = { gyro_bias_deg_per_h = 1000, heading_deg = 10 }",
