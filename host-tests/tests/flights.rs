@@ -16,7 +16,7 @@ use surefix_core::ingest::{Event, Ingest};
 use surefix_host_tests::scenario;
 use surefix_host_tests::simulate::atmosphere::Ionosphere;
 use surefix_host_tests::simulate::flight::Flight;
-use surefix_host_tests::simulate::inertial::board::{Radio, imu_bytes, receiver_bytes};
+use surefix_host_tests::simulate::inertial::board::{Radio, imu_bytes, receiver_bytes, unit};
 use surefix_host_tests::simulate::inertial::folder::files;
 use surefix_host_tests::simulate::inertial::measurements::{
     sigma_pseudorange_m, sigma_range_rate_mps,
@@ -515,6 +515,11 @@ fn the_inertial_stream_holds_the_samples_of_the_folder() {
     let mut rest = &bytes[..];
     loop {
         match next(&mut ingest, &mut rest) {
+            Event::Inertial(said) => {
+                assert!(samples.is_empty());
+                assert_eq!(said, unit(&flown));
+                assert_eq!(said.check(), Ok(()));
+            }
             Event::Imu(sample) => samples.push(sample),
             Event::EndOfStream => break,
             _ => {}
@@ -606,17 +611,19 @@ fn what_does_not_go_together_is_refused() {
     }
 }
 
+/// Runs the command, which must succeed.
+fn surefix(arguments: &[&str]) {
+    let output = Command::new(env!("CARGO_BIN_EXE_surefix"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{message}");
+}
+
 #[test]
 fn the_command_writes_a_folder_that_the_scenario_command_runs() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("flights-command");
-    let surefix = |arguments: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_surefix"))
-            .args(arguments)
-            .output()
-            .unwrap();
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(output.status.success(), "{message}");
-    };
     let out = folder.to_str().unwrap();
     let simulate = [
         "simulate", "static", "--imu", "mems", "--rate", "50", "--seed", "9",
@@ -632,4 +639,50 @@ fn the_command_writes_a_folder_that_the_scenario_command_runs() {
     surefix(&["scenario", out, "--out", out]);
     let (_, results) = table(&folder, "result.csv");
     assert_eq!(results.len(), 8);
+}
+
+/// The whole way: bytes of receiver and unit through the monitor, positions against truth.csv.
+#[test]
+fn the_monitor_flies_tight_on_the_streams() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("flights-streams");
+    let out = folder.to_str().unwrap();
+    let file = |name: &str| folder.join(name).to_str().unwrap().to_owned();
+    surefix(&[
+        "simulate",
+        "lpv200",
+        "--duration",
+        "120",
+        "--seed",
+        "5",
+        "--out",
+        out,
+    ]);
+    surefix(&[
+        "replay",
+        "--gnss",
+        &file("receiver.rtcm3"),
+        "--imu",
+        &file("imu.sfx"),
+        "--truth",
+        &file("truth.csv"),
+        "--out",
+        out,
+    ]);
+    let (header, epochs) = table(&folder, "epochs.csv");
+    let column = |name: &str| header.split(',').position(|column| column == name).unwrap();
+    assert_eq!(epochs.len(), 121);
+    let (_, truth) = table(&folder, "truth.csv");
+    let mut tight = 0;
+    let mut worst_m: f64 = 0.0;
+    for (epoch, truth) in epochs.iter().zip(&truth) {
+        assert_eq!(epoch[column("t_s")], truth[0]);
+        let place = ["x_m", "y_m", "z_m"].map(|name| number(&epoch[column(name)]));
+        let true_place = [1, 2, 3].map(|k| number(&truth[k]));
+        let error = Vector3::from(place) - Vector3::from(true_place);
+        worst_m = worst_m.max(error.norm());
+        tight += usize::from(epoch[column("mode")] == "tight");
+    }
+    println!("{tight} of 121 epochs tight, largest error {worst_m:.2} m");
+    assert!(tight >= 115, "{tight}");
+    assert!(worst_m < 6.0, "{worst_m}");
 }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `imu.csv`, `gnss.csv`, `init.csv`, `truth.csv`, `faults.csv` | a scenario folder |
 //! | `receiver.rtcm3` | the receiver of the same flight: same track, clock, noise and faults |
-//! | `imu.sfx` | native frames of the inertial samples of `imu.csv` |
+//! | `imu.sfx` | native frames: what the unit is, and the samples of `imu.csv` |
 //! | `scenario.toml` | what was simulated |
 //!
 //! Read in this order: `profile.rs` smooth functions of time, `motion.rs` a vehicle's velocity and
