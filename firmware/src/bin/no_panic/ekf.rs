@@ -47,13 +47,7 @@ fn process(config: &InertialConfig) {
         black_box(&lever),
     );
     call2(ProcessAccumulator::set_gradient, &mut process, block);
-    call4(
-        ProcessAccumulator::add,
-        &mut process,
-        0.01,
-        [0.0; 3],
-        block,
-    );
+    call4(ProcessAccumulator::add, &mut process, 0.01, [0.0; 3], block);
     black_box(ProcessAccumulator::finish(
         black_box(&mut process),
         black_box(&lever),

@@ -19,6 +19,8 @@ mod ins;
 #[cfg(target_os = "none")]
 mod integrity;
 #[cfg(target_os = "none")]
+mod mhss;
+#[cfg(target_os = "none")]
 mod numbers;
 #[cfg(target_os = "none")]
 mod raim;
@@ -38,6 +40,8 @@ fn main() -> ! {
     gnss::all();
     integrity::all();
     ins::all(&facade::UNIT, &facade::STATE, &facade::SAMPLE);
+    ekf::all(&facade::UNIT, &facade::STATE, gnss::EPHEMERIS.satellite);
+    mhss::all();
     raim::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
