@@ -1,15 +1,15 @@
 //! When the receiver is expected to give an epoch, by the time of the inertial samples.
 //!
 //! A receiver that falls silent sends nothing that could say so; the samples that go on do. An epoch
-//! is missing when one and a half intervals have passed without it. The time of a sample is believed
-//! when it follows the sample before it without a gap, and when the samples and the epochs were of
-//! the same time at the last epoch.
+//! is missing when one and a half intervals have passed without it. The time of samples is believed
+//! when they and the epochs were of the same time at the last epoch, and after a leap or a pause when
+//! they have gone on for as long again: an epoch that does come shows which of the two it was.
 
 use crate::time::{GpsTime, NS_PER_S};
 
 /// Intervals between epochs that are taken for a rhythm, ns: 20 Hz to one epoch a minute.
 const INTERVALS_NS: core::ops::RangeInclusive<i64> = 50_000_000..=60 * NS_PER_S;
-/// Longest step from one sample to the next that is no leap, ns.
+/// A step from one sample to the next that is no leap, ns; half an interval of the epochs is none either.
 const MAX_STEP_NS: i64 = 50_000_000;
 /// Samples and epochs are of the same time when they lie no farther apart than this, ns, where the
 /// interval of the epochs is not known.
@@ -26,6 +26,8 @@ pub(crate) struct Rhythm {
     elapsed_ns: [i64; 3],
     /// Time of the last sample.
     heard: Option<GpsTime>,
+    /// Time of the first sample since a leap.
+    begun: GpsTime,
     /// The samples were of the time of the epochs at the last epoch.
     in_step: bool,
 }
@@ -37,6 +39,7 @@ impl Rhythm {
         told: None,
         elapsed_ns: [0; 3],
         heard: None,
+        begun: GpsTime::from_ns(0),
         in_step: false,
     };
 
@@ -73,11 +76,19 @@ impl Rhythm {
     /// A sample came, of whatever content. Gives the time at which an epoch was due and has not come
     /// for half an interval, once; after a pause of the samples the latest such time alone.
     pub(crate) fn sample(&mut self, now: GpsTime) -> Option<GpsTime> {
-        let heard = self.heard.replace(now)?;
-        let follows = (1..=MAX_STEP_NS).contains(&since(now, heard));
-        let (due, interval_ns) = (self.due()?, self.interval_ns()?);
-        let waiting_ns = since(now, due).saturating_sub(interval_ns / 2);
-        if !follows || !self.in_step || waiting_ns < 0 {
+        let interval_ns = self.interval_ns();
+        let half_ns = interval_ns.unwrap_or(0) / 2;
+        let follows = self
+            .heard
+            .replace(now)
+            .is_some_and(|heard| (1..=MAX_STEP_NS.max(half_ns)).contains(&since(now, heard)));
+        if !follows {
+            self.begun = now;
+        }
+        let (due, interval_ns) = (self.due()?, interval_ns?);
+        let waiting_ns = since(now, due).saturating_sub(half_ns);
+        let is_believed = self.in_step && since(now, self.begun) >= interval_ns + half_ns;
+        if !is_believed || waiting_ns < 0 {
             return None;
         }
         let due = due.plus_ns(waiting_ns - waiting_ns % interval_ns);
@@ -119,9 +130,7 @@ mod tests {
         told
     }
 
-    const TEN: [i64; 10] = [
-        1000, 2000, 3000, 4000, 5000, 6000, 7000, 8000, 9000, 10_000,
-    ];
+    const TEN: [i64; 10] = [1000, 2000, 3000, 4000, 5000, 6000, 7000, 8000, 9000, 10_000];
 
     /// INT-014.
     #[test]
@@ -140,7 +149,12 @@ mod tests {
         for stranger in [10_100, 10_900] {
             let mut rhythm = Rhythm::UNKNOWN;
             run(&mut rhythm, 0, 10_000, &TEN);
-            let told = run(&mut rhythm, 10_000, 14_000, &[stranger, 11_000, 12_000, 13_000]);
+            let told = run(
+                &mut rhythm,
+                10_000,
+                14_000,
+                &[stranger, 11_000, 12_000, 13_000],
+            );
             assert_eq!(told, [], "{stranger}");
         }
         let mut rhythm = Rhythm::UNKNOWN;
@@ -175,11 +189,13 @@ mod tests {
     fn a_sample_that_leaps_misses_no_epoch_and_a_pause_of_both_is_told_once() {
         let mut rhythm = Rhythm::UNKNOWN;
         run(&mut rhythm, 0, 10_000, &TEN);
-        assert_eq!(rhythm.sample(at(40_000)), None);
-        assert_eq!(run(&mut rhythm, 10_000, 11_400, &[11_000]), []);
+        for leap in [-3_600_000, 10_000, 3_600_000] {
+            assert_eq!(run(&mut rhythm, leap + 10_000, leap + 11_000, &[]), []);
+            assert_eq!(run(&mut rhythm, 10_000, 12_400, &[11_000, 12_000]), []);
+        }
         // Both silent for a minute: the latest alone is told, and then each in its time.
-        let told = run(&mut rhythm, 71_400, 72_600, &[]);
-        assert_eq!(told, [(70_000, 71_420), (71_000, 71_500), (72_000, 72_500)]);
+        let told = run(&mut rhythm, 72_400, 75_600, &[]);
+        assert_eq!(told, [(73_000, 73_910), (74_000, 74_500), (75_000, 75_500)]);
     }
 
     #[test]

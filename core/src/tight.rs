@@ -28,8 +28,8 @@ use crate::ins::{
 use crate::integrity::InertialStatus;
 use crate::linalg::block3::Symmetric;
 use crate::report::Navigation;
-use crate::stats::{StatsError, normal};
 use crate::snapshot::Assessment;
+use crate::stats::{StatsError, normal};
 use crate::time::{GpsTime, NS_PER_S};
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
@@ -56,9 +56,13 @@ const CODE_LOCK_M: f64 = 1.0e4;
 /// One sigma of the offset of a constellation that was not there before, m: what
 /// `snapshot::MAX_INTER_SYSTEM_M` lets pass.
 const NEW_OFFSET_SIGMA_M: f64 = 3.0e3;
-/// Epochs in which the filter lies farther from the snapshot solution than the levels of both before
-/// it is started anew.
+/// Epochs in a row in which the filter contradicts a snapshot solution that passed its test, before it
+/// is started anew.
 const MAX_DIVERGED: u8 = 3;
+/// A filter whose innovations, normalised and squared, are this many times what they should be
+/// contradicts satellites that agree with each other. A wrong attitude shows here long before it
+/// shows in the position, which the satellites hold.
+const MAX_NIS_RATIO: f64 = 25.0;
 /// Longest time without a sample that the nominal is carried over to an epoch, ns: what the intake
 /// bridges.
 const MAX_LEAD_NS: i64 = 50_000_000;
@@ -410,9 +414,9 @@ impl TightMonitor {
         Some(())
     }
 
-    /// Compares with the snapshot solution: horizontal and vertical separation, m, and its levels, m. A
-    /// filter that lies farther from it than both levels together for several epochs is started anew;
-    /// false when it has come to that.
+    /// Compares with a snapshot solution that passed its test: horizontal and vertical separation, m, and
+    /// its levels, m. A filter that for several epochs lies farther from it than both levels together,
+    /// or contradicts its satellites by far, is started anew; false when it has come to that.
     pub fn compare(
         &mut self,
         separation_m: [f64; 2],
@@ -422,7 +426,10 @@ impl TightMonitor {
         let [fault_free_h, fault_free_v] = solution.navigation.fault_free_m;
         let [h, v] = separation_m;
         let [hpl, vpl] = levels_m;
-        let within = h <= hpl + fault_free_h && v <= vpl + fault_free_v;
+        let Navigation { nis, nis_rows, .. } = solution.navigation;
+        let within = h <= hpl + fault_free_h
+            && v <= vpl + fault_free_v
+            && nis <= MAX_NIS_RATIO * f64::from(nis_rows);
         self.diverged = if within {
             0
         } else {
@@ -448,10 +455,8 @@ impl TightMonitor {
     fn lose(&mut self, status: InertialStatus) {
         if self.is_running() {
             // The attitude of a filter that went wrong is what may be wrong with it.
-            self.last_attitude = (status != InertialStatus::Unhealthy).then_some((
-                self.navigator.mechanisation().q_e_b,
-                self.navigator.time(),
-            ));
+            self.last_attitude = (status != InertialStatus::Unhealthy)
+                .then_some((self.navigator.mechanisation().q_e_b, self.navigator.time()));
             let min_speed_mps = match self.config.as_ref().map(|config| &config.start) {
                 Some(AttitudeStart::Course { min_speed_mps }) => *min_speed_mps,
                 _ => RESTART_SPEED_MPS,
@@ -535,9 +540,9 @@ impl TightMonitor {
             Ok(q_e_b) => q_e_b,
             // Standing or nearly so: the attitude is about what it was.
             Err(NotAligned::TooSlow { .. }) => {
-                let recent = self.last_attitude.filter(|(_, when)| {
-                    time.ns().saturating_sub(when.ns()) <= MAX_ATTITUDE_AGE_NS
-                });
+                let recent = self
+                    .last_attitude
+                    .filter(|(_, when)| time.ns().saturating_sub(when.ns()) <= MAX_ATTITUDE_AGE_NS);
                 let Some((q_e_b, _)) = recent else {
                     return;
                 };
@@ -598,8 +603,7 @@ impl TightMonitor {
             column.is_none_or(|column| known.get(column).copied().unwrap_or(false))
         };
         let seen = tested.and_then(|tested| self.seen_jump(at, tested.solution));
-        if let Some(jump_m) =
-            seen.or_else(|| self.innovations(at, is_known).and_then(common_jump))
+        if let Some(jump_m) = seen.or_else(|| self.innovations(at, is_known).and_then(common_jump))
         {
             let whole_m = libm::round(jump_m / MILLISECOND_M) * MILLISECOND_M;
             // Clocks that are steered by whole milliseconds do it exactly.
@@ -641,11 +645,7 @@ impl TightMonitor {
     }
 
     /// How far the clock jumped by the snapshot solution, which knows no earlier clock.
-    fn seen_jump(
-        &self,
-        at: &AntennaState<CLOCKS>,
-        solution: &SnapshotSolution,
-    ) -> Option<f64> {
+    fn seen_jump(&self, at: &AntennaState<CLOCKS>, solution: &SnapshotSolution) -> Option<f64> {
         let clock_m = (*solution.clock_m.get(self.reference_system)?)?;
         let jump_m = clock_m - at.clock.get(CLOCK_BIAS)?;
         let covariance = self.navigator.filter().clock_covariance();
@@ -699,19 +699,15 @@ impl TightMonitor {
                 }
             }
         }
-        let solution = self
-            .navigator
-            .update()
-            .ok()
-            .and_then(|summary| {
-                let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
-                let told = if passed_ns > MAX_LEAD_NS {
-                    *at
-                } else {
-                    self.navigator.antenna(at.time)
-                };
-                self.solution(&told, &summary, used, present)
-            });
+        let solution = self.navigator.update().ok().and_then(|summary| {
+            let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
+            let told = if passed_ns > MAX_LEAD_NS {
+                *at
+            } else {
+                self.navigator.antenna(at.time)
+            };
+            self.solution(&told, &summary, used, present)
+        });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
         }
@@ -777,9 +773,7 @@ impl TightMonitor {
 
 /// Why no sample came that could be used since the counters were as `before`.
 fn silence(before: Option<IntakeCounters>, now: IntakeCounters) -> InertialStatus {
-    let since = |count: fn(&IntakeCounters) -> u32| {
-        count(&now) != before.as_ref().map_or(0, count)
-    };
+    let since = |count: fn(&IntakeCounters) -> u32| count(&now) != before.as_ref().map_or(0, count);
     if since(|counters| counters.saturated) {
         InertialStatus::ImuSaturated
     } else if since(|counters| counters.not_finite) {

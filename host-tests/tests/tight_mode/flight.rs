@@ -403,7 +403,10 @@ impl Row {
     pub fn is_finite(&self) -> bool {
         let fix = self.report.fix.is_none_or(|fix| {
             let velocity = fix.velocity_enu_mps.unwrap_or_default();
-            fix.r_e_m.iter().chain(&velocity).all(|part| part.is_finite())
+            fix.r_e_m
+                .iter()
+                .chain(&velocity)
+                .all(|part| part.is_finite())
                 && fix.clock_m.iter().flatten().all(|part| part.is_finite())
         });
         let navigation = self.report.navigation.is_none_or(|navigation| {
