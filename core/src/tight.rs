@@ -32,6 +32,10 @@ use crate::snapshot::Assessment;
 use crate::stats::{StatsError, normal};
 use crate::time::{GpsTime, NS_PER_S};
 
+mod jump;
+
+use jump::{COMMON_M, JUMP_M, common_jump, median};
+
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
 pub const CLOCKS: usize = 4;
 /// Size of the joint block of a measurement.
@@ -39,17 +43,11 @@ pub const JOINT: usize = 6 + CLOCKS;
 
 /// A receiver clock that jumps does so by whole milliseconds, m.
 const MILLISECOND_M: f64 = 1.0e-3 * SPEED_OF_LIGHT_MPS;
-/// Without a snapshot solution an innovation common to the satellites and beyond this is a jump of the
-/// clock, m: no drift between two epochs and no coasting of a minute comes near it, and a jump by a
-/// millisecond is a hundred times it.
-const JUMP_M: f64 = 3.0e3;
 /// With a snapshot solution its clock tells a jump, from this on, m, and from this many sigmas of the
 /// filter's clock on.
 const SEEN_JUMP_M: f64 = 30.0;
 /// See [`SEEN_JUMP_M`].
 const SEEN_JUMP_SIGMAS: f64 = 6.0;
-/// Innovations that agree to this are common, m.
-const COMMON_M: f64 = 300.0;
 /// Farther off than this no code loop was locked, m; such a pseudorange is no monitored fault but no
 /// measurement, for all filters alike.
 const CODE_LOCK_M: f64 = 1.0e4;
@@ -110,7 +108,7 @@ pub struct TightSolution {
 
 /// A snapshot solution that passed its test, with its levels: good enough to start a filter from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TestedSolution<'a> {
+pub(crate) struct TestedSolution<'a> {
     /// The solution.
     pub solution: &'a SnapshotSolution,
     /// Horizontal and vertical level, m.
@@ -119,7 +117,7 @@ pub struct TestedSolution<'a> {
 
 impl<'a> TestedSolution<'a> {
     /// The solution of an assessment, if a fault in it would have been seen.
-    pub fn new(assessment: &'a Assessment) -> Option<Self> {
+    pub(crate) fn new(assessment: &'a Assessment) -> Option<Self> {
         Some(Self {
             solution: assessment.solution.as_ref()?,
             levels_m: [
@@ -217,7 +215,7 @@ impl TightMonitor {
     }
 
     /// Which constellations are used; the first has the clock the others' offsets are against.
-    pub fn choose_systems(&mut self, config: &Config) {
+    pub(crate) fn choose_systems(&mut self, config: &Config) {
         self.systems = [None; System::ALL.len()];
         let mut column = None;
         for (place, system) in self.systems.iter_mut().zip(System::ALL) {
@@ -240,14 +238,14 @@ impl TightMonitor {
     ///
     /// # Errors
     /// [`TightConfigureError`] when a risk gives no quantile.
-    pub fn follow(&mut self, reference: &ReferenceModel) -> Result<(), TightConfigureError> {
+    pub(crate) fn follow(&mut self, reference: &ReferenceModel) -> Result<(), TightConfigureError> {
         self.set_fault_free(reference.p_h0)?;
         self.reference = Some(*reference);
         Ok(())
     }
 
     /// The reference model, if a scenario is run.
-    pub const fn reference(&self) -> Option<&ReferenceModel> {
+    pub(crate) const fn reference(&self) -> Option<&ReferenceModel> {
         self.reference.as_ref()
     }
 
@@ -258,7 +256,7 @@ impl TightMonitor {
 
     /// The same for the report of an epoch: the first to be made after tight mode ended says why it
     /// did, whatever has become of it since.
-    pub fn tell(&mut self) -> InertialStatus {
+    pub(crate) fn tell(&mut self) -> InertialStatus {
         self.untold.take().unwrap_or(self.status)
     }
 
@@ -273,7 +271,7 @@ impl TightMonitor {
     }
 
     /// Starts from a state that is given. Without a configured unit nothing happens.
-    pub fn start(&mut self, state: &InitialState) {
+    pub(crate) fn start(&mut self, state: &InitialState) {
         if let Some(config) = self.config {
             self.untold = None;
             self.start_with(&config, state);
@@ -298,7 +296,7 @@ impl TightMonitor {
     ///
     /// `None` where the snapshot solution serves alone; [`TightMonitor::status`] says why.
     #[inline(never)]
-    pub fn on_epoch(
+    pub(crate) fn on_epoch(
         &mut self,
         time: GpsTime,
         workspace: &mut SnapshotWorkspace,
@@ -322,7 +320,7 @@ impl TightMonitor {
 
     /// An epoch was due at `due` and the receiver gave none. The filter goes on without it.
     #[inline(never)]
-    pub fn on_silence(&mut self, due: GpsTime) -> Option<TightSolution> {
+    pub(crate) fn on_silence(&mut self, due: GpsTime) -> Option<TightSolution> {
         let at = self.remembered.take().filter(|at| at.time == due)?;
         if !self.is_running() {
             return None;
@@ -335,7 +333,7 @@ impl TightMonitor {
 
     /// Keeps where the antenna was when an epoch was due, for [`TightMonitor::on_silence`]; to be called
     /// after every sample.
-    pub fn remember(&mut self, due: GpsTime) {
+    pub(crate) fn remember(&mut self, due: GpsTime) {
         let passed_ns = self.navigator.time().ns().wrapping_sub(due.ns());
         if self.is_running()
             && (0..=MAX_LEAD_NS).contains(&passed_ns)
@@ -417,7 +415,7 @@ impl TightMonitor {
     /// Compares with a snapshot solution that passed its test: horizontal and vertical separation, m, and
     /// its levels, m. A filter that for several epochs lies farther from it than both levels together,
     /// or contradicts its satellites by far, is started anew; false when it has come to that.
-    pub fn compare(
+    pub(crate) fn compare(
         &mut self,
         separation_m: [f64; 2],
         levels_m: [f64; 2],
@@ -514,7 +512,7 @@ impl TightMonitor {
     /// Tries to start the filter at an epoch that it did not serve, from a snapshot solution that a fault
     /// would have been seen in.
     #[inline(never)]
-    pub fn align(&mut self, time: GpsTime, tested: Option<&TestedSolution<'_>>) {
+    pub(crate) fn align(&mut self, time: GpsTime, tested: Option<&TestedSolution<'_>>) {
         let Some(config) = self.config else {
             return;
         };
@@ -807,27 +805,5 @@ fn innovation_m(
         .map(|row| row.innovation_m)
 }
 
-/// The middle of some numbers (the lower of two), found by counting: there are a few dozen at most.
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len().saturating_sub(1) / 2;
-    values.iter().enumerate().find_map(|(at, value)| {
-        let below = values
-            .iter()
-            .enumerate()
-            .filter(|(other_at, other)| **other < *value || (**other == *value && *other_at < at))
-            .count();
-        (below == middle).then_some(*value)
-    })
-}
-
-/// How far the clock jumped, if most innovations say the same and no clock drifts so.
-fn common_jump(innovations_m: &mut [f64]) -> Option<f64> {
-    let middle_m = median(innovations_m)?;
-    let agreeing = innovations_m
-        .iter()
-        .filter(|value| libm::fabs(**value - middle_m) <= COMMON_M)
-        .count();
-    // An innovation is predicted minus measured.
-    (libm::fabs(middle_m) > JUMP_M && agreeing >= 2 && 2 * agreeing > innovations_m.len())
-        .then_some(-middle_m)
-}
+#[cfg(test)]
+mod tests;
