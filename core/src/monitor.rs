@@ -12,6 +12,7 @@
 
 use nalgebra::Vector3;
 
+use crate::bank_report::BankReport;
 use crate::budget::{CycleCounter, Ledger, Stage};
 use crate::config::Config;
 use crate::frames::geodesy;
@@ -25,7 +26,9 @@ use crate::integrity::{
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
-use crate::tight::{TestedSolution, TightConfigureError, TightMonitor, TightSolution};
+use crate::tight::{
+    MonitorSecondaries, TestedSolution, TightConfigureError, TightMonitor, TightSolution,
+};
 use crate::time::{GpsTime, NS_PER_WEEK};
 use crate::wire::Counters;
 
@@ -217,12 +220,21 @@ impl Monitor {
     }
 
     /// Assesses the epoch that [`Ready::Epoch`] announced.
-    #[inline(never)]
     pub fn process(&mut self, counter: &mut impl CycleCounter) -> EpochReport {
+        self.process_with(counter, None)
+    }
+
+    /// The same with a memory for the secondary filters of the bank.
+    #[inline(never)]
+    pub fn process_with(
+        &mut self,
+        counter: &mut impl CycleCounter,
+        secondaries: Option<&mut MonitorSecondaries>,
+    ) -> EpochReport {
         self.ledger.begin_epoch();
         let mut report = match self.pending {
             Pending::Observations => self.process_observations(counter),
-            Pending::Corrected => self.process_corrected(counter),
+            Pending::Corrected => self.process_corrected(counter, secondaries),
             Pending::Silence { time } => self.process_silence(time, counter),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
@@ -277,7 +289,11 @@ impl Monitor {
         report
     }
 
-    fn process_corrected(&mut self, counter: &mut impl CycleCounter) -> EpochReport {
+    fn process_corrected(
+        &mut self,
+        counter: &mut impl CycleCounter,
+        secondaries: Option<&mut MonitorSecondaries>,
+    ) -> EpochReport {
         let begin = counter.now();
         let epoch = self.ingest.corrected_epoch();
         let mut report = empty_report(epoch.time, Reason::NotMonitored);
@@ -286,7 +302,7 @@ impl Monitor {
             report.verdict.val_m = Some(model.val_m);
         }
         report.n_observed = u8::try_from(epoch.rows.len()).unwrap_or(u8::MAX);
-        if let Some(tight) = self.tight.on_corrected(epoch) {
+        if let Some(tight) = self.tight.on_corrected(epoch, secondaries) {
             serve(&mut report, &tight);
         }
         report.inertial = self.tight.tell();
@@ -330,6 +346,22 @@ impl Monitor {
     /// Ephemerides held.
     pub const fn store(&self) -> &EphemerisStore {
         &self.store
+    }
+
+    /// What the bank of filters said of the last epoch, if it ran: fills `report`.
+    pub fn bank_report(&self, report: &mut BankReport) -> bool {
+        let bank = self.tight.bank();
+        let Some((time, verdict)) = self.tight.bank_verdict() else {
+            return false;
+        };
+        report.fill(
+            *time,
+            verdict,
+            bank.excluded(),
+            bank.n_unmonitored(),
+            bank.separations(),
+        );
+        true
     }
 
     /// Tight mode.

@@ -9,6 +9,7 @@
 //! solution serves alone, and [`InertialStatus`] says why. What ends tight mode also begins the next
 //! alignment, so that it comes back by itself. Choices: docs/decisions/005-tight-filter.md.
 
+use heapless::Vec;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::config::Config;
@@ -27,6 +28,10 @@ use crate::ins::{
 };
 use crate::integrity::InertialStatus;
 use crate::linalg::block3::Symmetric;
+use crate::mhss::bank::{
+    Bank, BankEpoch, BankRow, BankVerdict, Criterion, Secondaries, SubFilters,
+};
+use crate::mhss::separation::SeparationQuantiles;
 use crate::report::Navigation;
 use crate::snapshot::Assessment;
 use crate::stats::{StatsError, normal};
@@ -34,12 +39,15 @@ use crate::time::{GpsTime, NS_PER_S};
 
 mod jump;
 
-use jump::{COMMON_M, JUMP_M, common_jump, median};
+use jump::{COMMON_M, common_jump, median};
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
 pub const CLOCKS: usize = 4;
 /// Size of the joint block of a measurement.
 pub const JOINT: usize = 6 + CLOCKS;
+
+/// The secondary filters of the monitor: half a megabyte, in a memory of its own.
+pub type MonitorSecondaries = Secondaries<CLOCKS, JOINT>;
 
 /// A receiver clock that jumps does so by whole milliseconds, m.
 const MILLISECOND_M: f64 = 1.0e-3 * SPEED_OF_LIGHT_MPS;
@@ -144,6 +152,11 @@ pub struct TightMonitor {
     corrected: CorrectedEpoch,
     innovations_m: [f64; MAX_SATELLITES],
     diverged: u8,
+    bank: Bank<CLOCKS, JOINT>,
+    sub_filters: SubFilters<CLOCKS, JOINT>,
+    rows: Vec<BankRow<JOINT>, MAX_SATELLITES>,
+    quantiles: SeparationQuantiles,
+    bank_verdict: Option<(GpsTime, BankVerdict)>,
     /// Epochs in a row that came too late for the filter.
     late: u8,
     /// Attitude when tight mode ended, and when that was.
@@ -175,6 +188,11 @@ impl TightMonitor {
         corrected: CorrectedEpoch::EMPTY,
         innovations_m: [0.0; MAX_SATELLITES],
         diverged: 0,
+        bank: Bank::EMPTY,
+        sub_filters: SubFilters::EMPTY,
+        rows: Vec::new(),
+        quantiles: SeparationQuantiles::EMPTY,
+        bank_verdict: None,
         late: 0,
         last_attitude: None,
         counted: None,
@@ -194,7 +212,9 @@ impl TightMonitor {
         p_fault_free: f64,
     ) -> Result<(), TightConfigureError> {
         inertial.check().map_err(TightConfigureError::Config)?;
-        self.set_fault_free(p_fault_free)?;
+        if self.reference.is_none() {
+            self.set_fault_free(p_fault_free)?;
+        }
         self.intake.configure(inertial);
         self.alignment.configure(&inertial.start);
         self.last_attitude = None;
@@ -239,7 +259,10 @@ impl TightMonitor {
     /// # Errors
     /// [`TightConfigureError`] when a risk gives no quantile.
     pub(crate) fn follow(&mut self, reference: &ReferenceModel) -> Result<(), TightConfigureError> {
-        self.set_fault_free(reference.p_h0)?;
+        self.quantiles
+            .fill(reference.p_fa, reference.p_md, reference.p_h0)
+            .map_err(TightConfigureError::Stats)?;
+        self.k_fault_free = self.quantiles.fault_free();
         self.reference = Some(*reference);
         Ok(())
     }
@@ -281,6 +304,8 @@ impl TightMonitor {
     fn start_with(&mut self, config: &InertialConfig, state: &InitialState) {
         self.offset_is_known = [false; CLOCKS];
         self.diverged = 0;
+        self.bank.clear();
+        self.bank_verdict = None;
         self.late = 0;
         self.remembered = None;
         if self.navigator.start(config, state).is_ok() {
@@ -343,14 +368,105 @@ impl TightMonitor {
         }
     }
 
-    /// An epoch of a scenario folder.
+    /// An epoch of a scenario folder: with a memory for the secondary filters through the bank, without
+    /// one through the main filter alone.
     #[inline(never)]
-    pub fn on_corrected(&mut self, epoch: &CorrectedEpoch) -> Option<TightSolution> {
+    pub fn on_corrected(
+        &mut self,
+        epoch: &CorrectedEpoch,
+        secondaries: Option<&mut MonitorSecondaries>,
+    ) -> Option<TightSolution> {
         self.meets(epoch.time)?;
+        let reference = self.reference?;
         let at = self.navigator.predict(epoch.time);
-        self.corrected.time = epoch.time;
-        self.corrected.rows.clone_from(&epoch.rows);
-        self.finish(&at)
+        self.bank_verdict = None;
+        let Some(secondaries) = secondaries else {
+            self.corrected.time = epoch.time;
+            self.corrected.rows.clone_from(&epoch.rows);
+            return self.finish(&at);
+        };
+        self.rows.clear();
+        for measurement in &epoch.rows {
+            let row = MeasurementRow::new(measurement, at.r_e_m, at.v_e_mps, &at.clock, None);
+            if let Some(row) = row {
+                // As many rows as satellites in an epoch, so it fits.
+                let _ = self.rows.push(BankRow {
+                    satellite: measurement.satellite,
+                    row,
+                });
+            }
+        }
+        let solution = self
+            .run_bank(&at, &reference, secondaries)
+            .and_then(|summary| {
+                let used = self.bank.satellites();
+                self.solution(
+                    &self.navigator.antenna(epoch.time),
+                    &summary,
+                    used,
+                    [false; System::ALL.len()],
+                )
+            });
+        if solution.is_none() {
+            self.lose(InertialStatus::Unhealthy);
+        }
+        solution
+    }
+
+    /// All filters over the rows of an epoch, the tests, the exclusion, the feedback.
+    fn run_bank(
+        &mut self,
+        at: &AntennaState<CLOCKS>,
+        reference: &ReferenceModel,
+        secondaries: &mut MonitorSecondaries,
+    ) -> Option<UpdateSummary> {
+        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
+        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
+        let Self {
+            bank,
+            sub_filters: sub,
+            navigator,
+            ..
+        } = self;
+        bank.predict(navigator.transition(), sub, secondaries);
+        let (information, main) = navigator.information_and_filter();
+        bank.admit(
+            &BankEpoch {
+                time: at.time,
+                rows: &self.rows,
+                hold_ns: reference.hold_ns,
+            },
+            main,
+            sub,
+            secondaries,
+            information,
+        );
+        let summary = navigator.update_filter();
+        bank.update(sub, secondaries);
+        let (_, main) = navigator.information_and_filter();
+        let criterion = Criterion {
+            quantiles: &self.quantiles,
+            vertical: reference.detect_vertical,
+            c_enu_e: &c_enu_e,
+        };
+        let verdict = bank.test(&criterion, main, sub, secondaries);
+        if let Some(satellite) = verdict.isolated.filter(|_| reference.exclude) {
+            bank.exclude(satellite, main, sub, secondaries);
+        }
+        self.bank_verdict = Some((at.time, verdict));
+        let correction = navigator.finish().ok()?;
+        bank.rereference(&correction, sub, secondaries);
+        Some(summary)
+    }
+
+    /// The bank of filters: its satellites with their tests.
+    pub const fn bank(&self) -> &Bank<CLOCKS, JOINT> {
+        &self.bank
+    }
+
+    /// What the bank said of the last epoch.
+    pub const fn bank_verdict(&self) -> Option<&(GpsTime, BankVerdict)> {
+        self.bank_verdict.as_ref()
     }
 
     /// Whether the nominal can be taken to an epoch.

@@ -32,7 +32,7 @@ enum Command {
     Replay(Box<ReplayArguments>),
     Scenario(scenario::run::Args),
     /// Simulate a flight: the bytes a receiver would send, and the truth
-    Simulate(simulate::Args),
+    Simulate(simulate::Command),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     /// One self-contained HTML page of a replay
@@ -47,6 +47,10 @@ struct ReplayArguments {
     /// RINEX 3 or 4 navigation file; may be given several times
     #[arg(long, value_name = "FILE")]
     nav: Vec<PathBuf>,
+    /// Recording of an inertial unit: CSV as described in section [imu] of the file of --config, or
+    /// surefix's own frames
+    #[arg(long, value_name = "FILE")]
+    imu: Option<PathBuf>,
     /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, or RTKLIB .pos
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "at_llh"])]
     truth: Option<PathBuf>,
@@ -125,15 +129,14 @@ impl ReplayArguments {
             (None, None, None) => TruthChoice::FromRecording,
         };
         let faults: Result<Vec<FaultSpec>, _> = self.fault.iter().map(|s| s.parse()).collect();
+        let settings = self.settings.clone().over_file(self.config.as_ref())?;
         Ok(ReplayOptions {
             gnss: self.gnss.clone(),
             nav: self.nav.clone(),
             truth,
-            config: self
-                .settings
-                .clone()
-                .over_file(self.config.as_ref())?
-                .config()?,
+            config: settings.config()?,
+            imu: self.imu.clone(),
+            imu_settings: settings.imu,
             faults: faults?,
             seed: self.seed,
             machine: self.on,
@@ -277,7 +280,7 @@ fn main() -> ExitCode {
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
         Command::Scenario(arguments) => run_scenario(arguments),
-        Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };

@@ -12,14 +12,17 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
+use surefix_core::bank_report::BankReport;
 use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
 use surefix_core::monitor::{Monitor, Ready};
-use surefix_core::report::{self, EpochReport, REPORT_FRAME_LENGTH};
+use surefix_core::report::{self, EpochReport};
+use surefix_core::tight::MonitorSecondaries;
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
+use crate::imu::{self, ImuSettings};
 use crate::output::{self, Summary};
 use crate::qemu::QemuExecutor;
 use crate::source::{self, RecordingInfo};
@@ -42,14 +45,24 @@ pub struct HostExecutor;
 impl Executor for HostExecutor {
     fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut monitor = new_monitor();
-        let mut frame = [0; REPORT_FRAME_LENGTH];
+        let mut secondaries = new_secondaries();
+        let mut bank = Box::new(BankReport::EMPTY);
+        let mut frame = [0; native::MAX_FRAME];
         let mut rest = stream;
         loop {
             let (used, ready) = monitor.push(rest);
             rest = rest.get(used..).unwrap_or_default();
             match ready {
                 Some(Ready::Epoch) => {
-                    let report = monitor.process(&mut NoCounter);
+                    let report = monitor.process_with(&mut NoCounter, Some(&mut secondaries));
+                    if monitor.bank_report(&mut bank) {
+                        match bank.encode(&mut frame) {
+                            Ok(length) => output(&frame[..length]),
+                            Err(native::Full) => {
+                                bail!("the tests of a bank do not fit their frame")
+                            }
+                        }
+                    }
                     match report::encode(&report, &mut frame) {
                         Ok(length) => output(&frame[..length]),
                         Err(native::Full) => bail!("a report does not fit its frame"),
@@ -73,12 +86,19 @@ pub fn new_monitor() -> Box<Monitor> {
     Box::new(Monitor::EMPTY)
 }
 
+/// Secondary filters on the heap.
+pub fn new_secondaries() -> Box<MonitorSecondaries> {
+    Box::new(MonitorSecondaries::EMPTY)
+}
+
 /// Puts a monitor's output together from pieces of any size.
 #[derive(Clone, Debug, Default)]
 pub struct OutputReader {
     pending: Vec<u8>,
     /// Reports, in order.
     pub reports: Vec<EpochReport>,
+    /// What the bank of filters found, in the epochs in which it ran.
+    pub banks: Vec<BankReport>,
     /// What the monitor counted, when it has said so.
     pub counters: Option<Counters>,
     /// Frames that could not be read, and bytes between frames.
@@ -97,6 +117,9 @@ impl OutputReader {
                     let understood = match frame.kind() {
                         Some(Kind::Report) => report::decode(frame.payload())
                             .map(|report| self.reports.push(report))
+                            .is_ok(),
+                        Some(Kind::Bank) => BankReport::decode(frame.payload())
+                            .map(|bank| self.banks.push(bank))
                             .is_ok(),
                         Some(Kind::Counters) => Counters::decode(frame.payload())
                             .map(|counters| self.counters = Some(counters))
@@ -148,6 +171,10 @@ pub struct ReplayOptions {
     pub truth: TruthChoice,
     /// The monitor's configuration.
     pub config: Config,
+    /// Recording of an inertial unit.
+    pub imu: Option<PathBuf>,
+    /// What a configuration file says of it.
+    pub imu_settings: Option<ImuSettings>,
     /// Faults to put on it.
     pub faults: Vec<FaultSpec>,
     /// Seed of the random faults.
@@ -164,6 +191,8 @@ impl ReplayOptions {
             nav: Vec::new(),
             truth: TruthChoice::FromRecording,
             config: Config::PRESET,
+            imu: None,
+            imu_settings: None,
             faults: Vec::new(),
             seed: 1,
             machine: Machine::Host,
@@ -227,14 +256,26 @@ pub fn run(
     if let Err(error) = options.config.check() {
         bail!("the configuration is not legal: {error:?}");
     }
+    let imu = options
+        .imu
+        .as_ref()
+        .map(|path| imu::read(path, options.imu_settings.as_ref()))
+        .transpose()?;
     let stream = source::stream(
         &options.gnss,
         &options.nav,
         &options.config,
         &options.faults,
         options.seed,
+        imu.as_ref(),
     )?;
-    let info = stream.info;
+    let mut info = stream.info;
+    if let Some(imu) = &imu {
+        info.imu_samples = imu.samples.len() as u64;
+        if imu.bad_lines > 0 {
+            info.losses.insert("imu_bad_lines".into(), imu.bad_lines);
+        }
+    }
     let mut reader = OutputReader::default();
     let mut executor: Box<dyn Executor> = match options.machine {
         Machine::Host => Box::new(HostExecutor),
@@ -302,6 +343,8 @@ struct InputSummary<'a> {
     gnss: String,
     nav: Vec<String>,
     format: &'a str,
+    imu: Option<String>,
+    imu_samples: u64,
     faults: Vec<String>,
     seed: u64,
 }
@@ -375,6 +418,8 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
                 .map(|path| path.display().to_string())
                 .collect(),
             format: &result.info.format,
+            imu: options.imu.as_ref().map(|path| path.display().to_string()),
+            imu_samples: result.info.imu_samples,
             faults: options.faults.iter().map(|f| f.to_string()).collect(),
             seed: options.seed,
         },

@@ -12,6 +12,8 @@
 //! reference_week = 2009      # GPS week of the data, for RTCM streams that state it modulo 1024
 //! max_exclusions = 2
 //! ```
+//!
+//! and a section `[imu]` for an inertial unit: docs/examples, `imu/settings.rs`.
 
 use std::path::{Path, PathBuf};
 
@@ -21,6 +23,8 @@ use surefix_core::config::{Config, ConfigError, IonosphereModel, NoisePreset, Tr
 use surefix_core::gnss::System;
 use surefix_core::gnss::satellite::SystemSet;
 use surefix_core::integrity::Phase;
+
+use crate::imu::ImuSettings;
 
 /// What can be set, from a file or from the command line.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, clap::Args)]
@@ -50,6 +54,9 @@ pub struct Settings {
     /// Most satellites taken out in one epoch, 0 to 3 [default: 3]
     #[arg(long, value_name = "N")]
     pub max_exclusions: Option<u8>,
+    /// The inertial unit.
+    #[arg(skip)]
+    pub imu: Option<ImuSettings>,
 }
 
 /// The element of a list of names, or a sentence that lists them.
@@ -95,6 +102,7 @@ impl Settings {
             troposphere: self.troposphere.or(file.troposphere),
             reference_week: self.reference_week.or(file.reference_week),
             max_exclusions: self.max_exclusions.or(file.max_exclusions),
+            imu: self.imu.or(file.imu),
         })
     }
 

@@ -6,6 +6,7 @@
 //! | RTCM 3 with faults or navigation files | decoded by core's own `Ingest`, sent again as native frames |
 //! | RINEX observations | native frames: exact numbers, one group of frames per epoch |
 //! | native frames | the bytes as they are |
+//! | any of these with a recorded inertial unit | the same, with its samples between, in the order of their times |
 //!
 //! An ephemeris of a navigation file goes before the first epoch that is not earlier than its
 //! transmission; those transmitted before the first epoch go up front, as in a receiver that had
@@ -14,7 +15,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use surefix_core::config::Config;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
 use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
@@ -30,6 +31,7 @@ use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::native;
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
+use crate::imu::{self, Pending, Recorded};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
 };
@@ -71,6 +73,8 @@ pub struct RecordingInfo {
     pub station: Option<([f64; 3], String)>,
     /// Epochs.
     pub epochs: u64,
+    /// Samples of a unit that were put between.
+    pub imu_samples: u64,
     /// Losses that cost epochs or parts of them, by cause.
     pub losses: BTreeMap<String, u64>,
     /// What was passed over because surefix does not use it.
@@ -531,24 +535,43 @@ impl FrameWriter {
     }
 }
 
-/// Makes the bytes to send to a monitor.
+fn two_units(gnss: &Path) -> anyhow::Error {
+    anyhow!(
+        "{} holds inertial samples itself: leave out --imu",
+        gnss.display()
+    )
+}
+
+/// Makes the bytes to send to a monitor; `imu` is what a unit measured meanwhile.
 ///
 /// # Errors
-/// As [`decode`], and when a fault touches no epoch.
+/// As [`decode`], when a fault touches no epoch, and when the unit's recording is of another time.
 pub fn stream(
     gnss: &Path,
     nav: &[PathBuf],
     config: &Config,
     faults: &[FaultSpec],
     seed: u64,
+    imu: Option<&Recorded>,
 ) -> Result<Stream> {
     let mut writer = FrameWriter::new(config, faults, seed)?;
+    if let Some(imu) = imu {
+        writer.append(|out| encode_inertial(&imu.unit, out));
+    }
+    let mut pending = imu.map(|imu| Pending::new(&imu.samples));
     let raw = rinex::read_unzipped(gnss)?;
     let format = recognise(&raw, gnss)?;
     if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
         // As recorded; decoded beside that for the station's position and the number of epochs.
-        let info = decode(gnss, nav, config, &mut |_| {})?;
-        writer.bytes.extend_from_slice(&raw);
+        let mut has_samples = false;
+        let info = decode(gnss, nav, config, &mut |item| {
+            has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+        })?;
+        match pending {
+            Some(_) if has_samples => return Err(two_units(gnss)),
+            Some(pending) => imu::interleave(&raw, config, pending, &mut writer.bytes)?,
+            None => writer.bytes.extend_from_slice(&raw),
+        }
         let is_padded = info.losses.contains_key("cut_off_frames");
         if is_padded {
             // What looks like the head of a frame at the end would take the end frame for its
@@ -561,7 +584,25 @@ pub fn stream(
             is_padded,
         });
     }
-    let info = decode(gnss, nav, config, &mut |item| writer.write(item))?;
+    let mut has_samples = false;
+    let info = decode(gnss, nav, config, &mut |item| {
+        has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+        if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
+            let flags = epoch.flags;
+            pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
+                writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+            });
+        }
+        writer.write(item);
+    })?;
+    if let Some(pending) = pending {
+        if has_samples {
+            return Err(two_units(gnss));
+        }
+        pending.finish(&mut |sample| {
+            writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+        })?;
+    }
     writer.coverage.check()?;
     Ok(Stream {
         bytes: writer.finish(),

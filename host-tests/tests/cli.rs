@@ -318,6 +318,127 @@ fn whole(out: &Path) -> serde_json::Value {
     summary
 }
 
+/// A unit at rest, one sample each 10 ms around the first three seconds of a simulated flight.
+fn unit_at_rest(truth: &Path) -> String {
+    let truth = std::fs::read_to_string(truth).unwrap();
+    let row: Vec<&str> = truth.lines().nth(1).unwrap().split(',').collect();
+    let tow_s: u32 = row[2].parse().unwrap();
+    (0..300)
+        .map(|k| format!("{}.{:02}0,0,0,1,0,0,0\n", tow_s + k / 100, k % 100))
+        .collect()
+}
+
+const UNIT: &str = r#"
+[imu]
+rate_hz = 100
+grade = "tactical"
+[imu.file]
+time = 1
+accelerometer = [2, 3, 4]
+gyroscope = [5, 6, 7]
+accelerometer_unit = "g"
+gyroscope_unit = "deg/s"
+time_scale = "gpst_sow"
+week = WEEK
+[imu.lever_arm]
+imu_m = [0, 0, 0]
+antenna_m = [0, 0, -1]
+[imu.range]
+rate_deg_per_s = 500
+specific_force_g = 8
+[imu.clock]
+preset = "tcxo"
+[imu.start]
+attitude = "course"
+min_speed_mps = 2
+"#;
+
+#[test]
+fn an_inertial_unit_is_told_of_in_the_configuration_and_replayed_beside_the_receiver() {
+    let (recording, truth, out) = simulated("cli-imu");
+    let directory = out.parent().unwrap();
+    let lines = unit_at_rest(&truth);
+    let row = std::fs::read_to_string(&truth).unwrap();
+    let week = row
+        .lines()
+        .nth(1)
+        .unwrap()
+        .split(',')
+        .nth(1)
+        .unwrap()
+        .to_owned();
+    let (imu, config) = (directory.join("imu.csv"), directory.join("unit.toml"));
+    std::fs::write(&imu, lines.clone() + "not a sample\n").unwrap();
+    std::fs::write(&config, UNIT.replace("WEEK", &week)).unwrap();
+    let both = ["--imu", text(&imu), "--config", text(&config)];
+
+    let (code, stdout, message) = replay(&recording, &out, &both);
+    assert_eq!(code, Some(0), "{message}");
+    assert!(stdout.contains("imu_bad_lines 1"), "{stdout}");
+    let summary = whole(&out);
+    assert_eq!(summary["input"]["imu_samples"], 300);
+    assert_eq!(summary["counters"]["imu_samples"], 300);
+    assert_eq!(summary["epochs_with_position"], 241);
+
+    let arguments = ["replay", "--gnss", text(&recording), "--out", text(&out)];
+    let refused_with = |unit: &str, samples: &str, words: &[&str]| {
+        std::fs::write(&config, unit.replace("WEEK", &week)).unwrap();
+        std::fs::write(&imu, samples).unwrap();
+        refused(&[&arguments[..], &both].concat(), words);
+    };
+    refused_with(
+        &UNIT.replace("rate_hz", "rate"),
+        &lines,
+        &["unit.toml", "line 3", "`rate`", "rate_hz", "lever_arm"],
+    );
+    refused_with(
+        &UNIT.replace("tactical", "best"),
+        &lines,
+        &["unit.toml", "`best`", "navigation"],
+    );
+    refused_with(
+        &UNIT.replace("\"deg/s\"", "\"rpm\""),
+        &lines,
+        &["unit.toml", "`rpm`", "rad/s"],
+    );
+    refused_with(
+        &UNIT.replace("= 100", "= 1000"),
+        &lines,
+        &["rate_hz = 1000", "400"],
+    );
+    refused_with(
+        &UNIT.replace("time = 1", "time = \"t\""),
+        &lines,
+        &["imu.csv", "line 1", "\"t\""],
+    );
+    refused_with(
+        &UNIT.replace("7]", "9]"),
+        &lines,
+        &["imu.csv", "line 2", "7 columns", "column 9"],
+    );
+    refused_with(
+        &UNIT.replace("week = WEEK", "week = 1000"),
+        &lines,
+        &["week 1000", "same time", "time_offset_s"],
+    );
+    refused_with(
+        &UNIT.replace("[imu.file]", "[imu.files]"),
+        &lines,
+        &["`files`", "`file`"],
+    );
+    refused_with(
+        "mask_deg = 10\n",
+        &lines,
+        &["imu.csv", "[imu]", "docs/examples"],
+    );
+    refused_with(UNIT, "", &["imu.csv", "empty", "[imu.file]"]);
+    let missing = directory.join("missing.csv");
+    refused(
+        &[&arguments[..], &["--imu", text(&missing)]].concat(),
+        &["missing.csv", "cannot read"],
+    );
+}
+
 #[test]
 fn a_recording_without_an_epoch_finishes_with_exit_code_1_and_its_counters() {
     let (recording, _, out) = simulated("cli-no-epoch");

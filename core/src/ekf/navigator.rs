@@ -18,6 +18,7 @@ use super::layout::{
     VELOCITY,
 };
 use super::process::{LeverState, ProcessAccumulator};
+use super::transition::Transition;
 use super::update::{UpdateSummary, UpdateWorkspace};
 use crate::consts::OMEGA_EARTH_WGS84_RADPS;
 use crate::frames::{geodesy, rotation};
@@ -240,10 +241,13 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
             *bias += clock.bias_per_drift_s * *drift;
             *drift *= clock.decay;
         }
-        self.process.begin();
-        self.set_gradient();
         self.information.clear();
         self.antenna(time)
+    }
+
+    /// What the last [`Navigator::predict`] carried the filter over, until the epoch is finished.
+    pub const fn transition(&self) -> &Transition {
+        self.process.transition()
     }
 
     /// Adds a satellite to the epoch, linearised at `at`; `offset` is the clock column of its
@@ -268,14 +272,38 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     /// [`Unhealthy`]: the navigator must be started again.
     #[inline(never)]
     pub fn update(&mut self) -> Result<UpdateSummary, Unhealthy> {
-        let summary = self
-            .filter
-            .update(&self.information, &mut self.update_workspace);
+        let summary = self.update_filter();
+        self.finish()?;
+        Ok(summary)
+    }
+
+    /// The first part of [`Navigator::update`]: the filter takes the satellites added. A bank tests its
+    /// other filters against it before [`Navigator::finish`].
+    pub fn update_filter(&mut self) -> UpdateSummary {
+        self.filter
+            .update(&self.information, &mut self.update_workspace)
+    }
+
+    /// The second part: the nominal is corrected by the filter's state. Gives the correction, which every
+    /// other filter is to be re-referenced by.
+    ///
+    /// # Errors
+    /// [`Unhealthy`]: the navigator must be started again.
+    pub fn finish(&mut self) -> Result<ErrorState<K>, Unhealthy> {
         self.filter.check()?;
         let correction = *self.filter.state();
         self.correct(&correction);
         self.filter.rereference(&correction);
-        Ok(summary)
+        self.process.begin();
+        self.set_gradient();
+        Ok(correction)
+    }
+
+    /// What the epoch says, to be filled by a bank in place of [`Navigator::add`], and the filter.
+    pub const fn information_and_filter(
+        &mut self,
+    ) -> (&mut EpochInformation<M>, &mut Filter<K, M>) {
+        (&mut self.information, &mut self.filter)
     }
 
     fn correct(&mut self, correction: &ErrorState<K>) {

@@ -73,6 +73,28 @@ pub struct BankRow<const M: usize> {
     pub row: MeasurementRow<M>,
 }
 
+/// An epoch as the bank takes it.
+#[derive(Clone, Copy, Debug)]
+pub struct BankEpoch<'a, const M: usize> {
+    /// When.
+    pub time: GpsTime,
+    /// Its satellites.
+    pub rows: &'a [BankRow<M>],
+    /// How long the filters of a satellite that vanished are kept, ns.
+    pub hold_ns: i64,
+}
+
+/// What the separations are tested against.
+#[derive(Clone, Copy, Debug)]
+pub struct Criterion<'a> {
+    /// Quantiles of the allocated risks.
+    pub quantiles: &'a SeparationQuantiles,
+    /// Test the vertical separation too.
+    pub vertical: bool,
+    /// Rotation from ECEF to the local horizontal.
+    pub c_enu_e: &'a Matrix3<f64>,
+}
+
 /// A satellite with a place in the bank.
 #[derive(Clone, Copy, Debug)]
 struct Member {
@@ -105,6 +127,8 @@ pub struct Bank<const K: usize, const M: usize> {
     /// In the order of their first use.
     members: Vec<Member, MAX_BANK>,
     excluded: SatelliteSet,
+    /// The member that was excluded at the last epoch.
+    leaving: Option<Member>,
     /// Rows of the members present at this epoch, in the order of the members.
     rows: [Option<MeasurementRow<M>>; MAX_BANK],
     n_unmonitored: u8,
@@ -122,6 +146,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     pub const EMPTY: Self = Self {
         members: Vec::new(),
         excluded: SatelliteSet::EMPTY,
+        leaving: None,
         rows: [None; MAX_BANK],
         n_unmonitored: 0,
         after: [const { EpochInformation::ZERO }; MAX_BANK + 1],
@@ -136,6 +161,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     pub fn clear(&mut self) {
         self.members.clear();
         self.excluded = SatelliteSet::EMPTY;
+        self.leaving = None;
         self.rows = [None; MAX_BANK];
         self.n_unmonitored = 0;
     }
@@ -160,10 +186,21 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.n_unmonitored
     }
 
-    /// The satellites in the bank with their tests, in the order of their first use.
+    /// The satellites in the bank, those held included.
+    pub fn satellites(&self) -> SatelliteSet {
+        let mut satellites = SatelliteSet::EMPTY;
+        for member in &self.members {
+            satellites.insert(member.satellite);
+        }
+        satellites
+    }
+
+    /// The tests of the last epoch: the satellites in the bank in the order of their first use, then the
+    /// one that was excluded after them.
     pub fn separations(&self) -> impl Iterator<Item = (Satellite, &Separation)> {
         self.members
             .iter()
+            .chain(&self.leaving)
             .map(|member| (member.satellite, &member.separation))
     }
 
@@ -196,14 +233,18 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     #[inline(never)]
     pub fn admit(
         &mut self,
-        time: GpsTime,
-        rows: &[BankRow<M>],
-        hold_ns: i64,
+        epoch: &BankEpoch<'_, M>,
         main: &Filter<K, M>,
         sub: &mut SubFilters<K, M>,
         secondaries: &mut Secondaries<K, M>,
         information: &mut EpochInformation<M>,
     ) {
+        let BankEpoch {
+            time,
+            rows,
+            hold_ns,
+        } = *epoch;
+        self.leaving = None;
         self.members.retain_mut(|member| {
             if rows.iter().any(|row| row.satellite == member.satellite) {
                 member.missing_since = None;
@@ -329,13 +370,16 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     #[inline(never)]
     pub fn test(
         &mut self,
-        quantiles: &SeparationQuantiles,
-        vertical: bool,
-        c_enu_e: &Matrix3<f64>,
+        criterion: &Criterion<'_>,
         main: &Filter<K, M>,
         sub: &SubFilters<K, M>,
         secondaries: &Secondaries<K, M>,
     ) -> BankVerdict {
+        let Criterion {
+            quantiles,
+            vertical,
+            c_enu_e,
+        } = *criterion;
         let k_detection = quantiles.detection(self.members.len());
         let mut verdict = BankVerdict {
             detected: false,
@@ -374,7 +418,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             }
         }
         if verdict.detected {
-            verdict.isolated = self.isolate(quantiles, vertical, c_enu_e, sub, secondaries);
+            verdict.isolated = self.isolate(criterion, sub, secondaries);
         }
         verdict
     }
@@ -383,12 +427,15 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     #[inline(never)]
     fn isolate(
         &self,
-        quantiles: &SeparationQuantiles,
-        vertical: bool,
-        c_enu_e: &Matrix3<f64>,
+        criterion: &Criterion<'_>,
         sub: &SubFilters<K, M>,
         secondaries: &Secondaries<K, M>,
     ) -> Option<Satellite> {
+        let Criterion {
+            quantiles,
+            vertical,
+            c_enu_e,
+        } = *criterion;
         let k_isolation = quantiles.detection(self.members.len().checked_sub(1)?);
         let mut found = None;
         for member in &self.members {
@@ -406,7 +453,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                             threshold_m: spread.sigma_m.map(|sigma| sigma * k_isolation),
                             uncertainty_m: [0.0; 2],
                         };
-                        !second.fails(0) && !(vertical && second.fails(1))
+                        !(second.fails(0) || vertical && second.fails(1))
                     })
                 });
             if !is_quiet {
@@ -440,7 +487,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         else {
             return false;
         };
-        let place = self.members.remove(at).place;
+        let leaving = self.members.remove(at);
+        let place = leaving.place;
+        self.leaving = Some(leaving);
         self.excluded.insert(satellite);
         if let Some(filter) = sub.filters.get(place) {
             main.clone_from(filter);

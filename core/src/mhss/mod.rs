@@ -12,5 +12,7 @@
 pub mod bank;
 pub mod separation;
 
-pub use bank::{Bank, BankRow, MAX_BANK, Secondaries, SubFilters};
+pub use bank::{
+    Bank, BankEpoch, BankRow, BankVerdict, Criterion, MAX_BANK, Secondaries, SubFilters,
+};
 pub use separation::{Separation, SeparationQuantiles};

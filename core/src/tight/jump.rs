@@ -3,7 +3,7 @@
 /// Without a snapshot solution an innovation common to the satellites and beyond this is a jump of the
 /// clock, m: no drift between two epochs and no coasting of a minute comes near it, and a jump by a
 /// millisecond is a hundred times it.
-pub(super) const JUMP_M: f64 = 3.0e3;
+const JUMP_M: f64 = 3.0e3;
 /// Innovations that agree to this are common, m.
 pub(super) const COMMON_M: f64 = 300.0;
 

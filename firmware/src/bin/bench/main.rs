@@ -11,6 +11,10 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod dense;
+#[cfg(target_os = "none")]
+mod filter;
+#[cfg(target_os = "none")]
 mod measure;
 #[cfg(target_os = "none")]
 mod messages;
@@ -30,6 +34,7 @@ fn main() -> ! {
     hprintln!("executed instructions, and bytes of stack");
     surefix_firmware::board::start();
     stages::all();
+    filter::all();
     loop {
         debug::exit(debug::EXIT_SUCCESS);
     }

@@ -61,6 +61,25 @@ pub fn model(random: &mut Random, n: usize, clocks: usize, model: &mut LinearMod
     }
 }
 
+/// A random direction above 10°, of unit length.
+pub fn direction(random: &mut Random) -> [f64; 3] {
+    let up = 0.17 + 0.82 * random.unit();
+    let level = libm::sqrt(1.0 - up * up);
+    let azimuth_rad = 2.0 * PI * random.unit();
+    [
+        level * libm::sin(azimuth_rad),
+        level * libm::cos(azimuth_rad),
+        up,
+    ]
+}
+
+/// A random turn about one axis, by rows.
+pub fn attitude(random: &mut Random) -> [f64; 9] {
+    let angle_rad = 2.0 * PI * random.unit();
+    let (sin, cos) = (libm::sin(angle_rad), libm::cos(angle_rad));
+    [cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0]
+}
+
 fn ephemeris(satellite: Satellite, omega0_rad: f64, m0_rad: f64) -> Ephemeris {
     let (message, semi_major_m, i0_rad) = match satellite.system() {
         System::Gps => (NavMessage::GpsLnav, 26_560e3, 0.96),

@@ -1,0 +1,489 @@
+//! What a configuration file says of an inertial unit.
+//!
+//! Section `[imu]` of the file of `--config`; every key of it stands in docs/examples. Angles of the
+//! mounting turn the unit's axes into the body's (forward, right, down): first by the yaw about the
+//! unit's z axis, then by the pitch about the y axis where it is then, then by the roll about the x
+//! axis where that is then, each positive by the right-hand rule. So C^s_b = Rz(yaw) Ry(pitch) Rx(roll)
+//! and C^b_s is its transpose: a unit upside down has roll 180, one whose x axis points to the left of
+//! the vehicle and z down has yaw 90.
+
+use anyhow::{Context, Result, bail};
+use serde::Deserialize;
+use surefix_core::ins::{
+    AttitudeStart, ClockNoise, InertialConfig, InertialConfigError, InertialNoise, InitialSigma,
+    SensorRange,
+};
+
+/// Standard gravity, m/s², by definition.
+pub(super) const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
+/// One degree per hour, rad/s.
+const DEG_PER_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
+
+/// Section `[imu]`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImuSettings {
+    /// Nominal samples per second.
+    rate_hz: f64,
+    /// Preset of noise and first biases.
+    grade: Grade,
+    file: Option<FileSettings>,
+    mounting: Option<Mounting>,
+    lever_arm: LeverArm,
+    range: Range,
+    noise: Option<Noise>,
+    clock: Clock,
+    start: Start,
+    sigma: Option<Sigma>,
+}
+
+/// Named qualities of units.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Grade {
+    /// 0.002 °/√h, 10 µg/√Hz; first biases 0.01 °/h, 50 µg.
+    Navigation,
+    /// 0.1 °/√h, 50 µg/√Hz; 1 °/h, 1 mg.
+    Tactical,
+    /// 0.3 °/√h, 200 µg/√Hz; 50 °/h, 5 mg.
+    Mems,
+}
+
+/// Section `[imu.file]`: what the columns of a CSV file mean.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileSettings {
+    pub(super) time: Column,
+    pub(super) accelerometer: [Column; 3],
+    pub(super) gyroscope: [Column; 3],
+    pub(super) accelerometer_unit: AccelerometerUnit,
+    pub(super) gyroscope_unit: GyroscopeUnit,
+    pub(super) time_scale: TimeScale,
+    pub(super) week: Option<u16>,
+    #[serde(default)]
+    pub(super) time_offset_s: f64,
+}
+
+/// A column: its number from 1, or its name in the first line.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a column number from 1, or a name of the first line"
+)]
+pub(super) enum Column {
+    Number(usize),
+    Name(String),
+}
+
+/// What accelerometer columns hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub(super) enum AccelerometerUnit {
+    #[serde(rename = "g")]
+    StandardGravity,
+    #[serde(rename = "m/s2")]
+    MetrePerSecondSquared,
+    /// An increment.
+    #[serde(rename = "m/s")]
+    MetrePerSecond,
+}
+
+/// What gyroscope columns hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub(super) enum GyroscopeUnit {
+    #[serde(rename = "deg/s")]
+    DegreePerSecond,
+    #[serde(rename = "rad/s")]
+    RadianPerSecond,
+    /// An increment.
+    #[serde(rename = "deg")]
+    Degree,
+    /// An increment.
+    #[serde(rename = "rad")]
+    Radian,
+}
+
+/// What the time column counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum TimeScale {
+    /// GPST as seconds since 1970-01-01, without leap seconds.
+    GpstUnixS,
+    /// GPST as seconds of the week given.
+    GpstSow,
+    /// Seconds of a scenario, which starts with the GPS week given, or 0; `time_offset_s` moves it to
+    /// where it was flown.
+    ScenarioS,
+}
+
+/// Section `[imu.mounting]`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Mounting {
+    roll_deg: f64,
+    pitch_deg: f64,
+    yaw_deg: f64,
+}
+
+/// Section `[imu.lever_arm]`: places in body axes against any one point.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LeverArm {
+    imu_m: [f64; 3],
+    antenna_m: [f64; 3],
+}
+
+/// Section `[imu.range]`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Range {
+    rate_deg_per_s: f64,
+    specific_force_g: f64,
+}
+
+/// Section `[imu.noise]`: what the data sheet says in place of the grade.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Noise {
+    gyro_deg_per_s_sqrt_hz: Option<f64>,
+    accel_ug_per_sqrt_hz: Option<f64>,
+    gyro_bias_walk_deg_per_s_sqrt_s: Option<f64>,
+    accel_bias_walk_ug_per_sqrt_s: Option<f64>,
+}
+
+/// Section `[imu.clock]`: the receiver's clock.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Clock {
+    preset: ClockPreset,
+    bias_psd_m2_per_s: Option<f64>,
+    drift_psd_m2_per_s3: Option<f64>,
+    drift_decay_per_s: Option<f64>,
+    inter_system_psd_m2_per_s: Option<f64>,
+}
+
+/// Named receiver clocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ClockPreset {
+    /// A temperature-compensated crystal: h0 = 2e-19 s, h−2 = 2e-20 Hz.
+    Tcxo,
+    /// A crystal in an oven: h0 = 8e-20 s, h−2 = 4e-23 Hz.
+    Ocxo,
+}
+
+/// Section `[imu.start]`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(tag = "attitude", rename_all = "lowercase", deny_unknown_fields)]
+enum Start {
+    Course {
+        min_speed_mps: f64,
+    },
+    Given {
+        roll_deg: f64,
+        pitch_deg: f64,
+        heading_deg: f64,
+    },
+}
+
+/// Section `[imu.sigma]`: what is known of the first state.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Sigma {
+    position_m: Option<f64>,
+    velocity_mps: Option<f64>,
+    roll_pitch_deg: Option<f64>,
+    heading_deg: Option<f64>,
+    gyro_bias_deg_per_h: Option<f64>,
+    accel_bias_mg: Option<f64>,
+    clock_bias_m: Option<f64>,
+    clock_drift_mps: Option<f64>,
+}
+
+impl Grade {
+    /// White noise: °/√h, µg/√Hz; walks: °/h/√s, µg/√s; first biases: °/h, mg; first attitude: level
+    /// and heading, °. Those of the reference scenarios.
+    const fn numbers(self) -> [f64; 8] {
+        match self {
+            Self::Navigation => [0.002, 10.0, 0.001 / 60.0, 3.0 / 60.0, 0.01, 0.05, 0.02, 0.1],
+            Self::Tactical => [0.1, 50.0, 0.3 / 17.3, 50.0 / 17.3, 1.0, 1.0, 0.1, 0.5],
+            Self::Mems => [0.3, 200.0, 10.0 / 17.3, 300.0 / 17.3, 50.0, 5.0, 0.5, 2.0],
+        }
+    }
+}
+
+impl Mounting {
+    /// C^b_s, rows.
+    fn c_b_s(self) -> [[f64; 3]; 3] {
+        let [(sr, cr), (sp, cp), (sy, cy)] =
+            [self.roll_deg, self.pitch_deg, self.yaw_deg].map(|deg| libm::sincos(deg.to_radians()));
+        // The transpose of Rz(yaw) Ry(pitch) Rx(roll).
+        [
+            [cy * cp, sy * cp, -sp],
+            [cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr],
+            [cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr],
+        ]
+    }
+}
+
+impl ClockPreset {
+    /// From the Allan variance coefficients, [BROWN-HWANG]: S_b = c² h0/2, S_d = c² 2π² h−2.
+    fn noise(self) -> ClockNoise {
+        let (bias_psd, drift_psd) = match self {
+            Self::Tcxo => (0.009, 0.0355),
+            Self::Ocxo => (0.0036, 7.1e-5),
+        };
+        ClockNoise {
+            bias_psd,
+            drift_psd,
+            drift_decay_per_s: 0.0,
+            // 0.3 m in an hour: what a receiver's signal paths drift against each other.
+            inter_system_psd: 2.5e-5,
+        }
+    }
+}
+
+impl ImuSettings {
+    pub(super) fn file(&self) -> Option<&FileSettings> {
+        self.file.as_ref()
+    }
+
+    /// Nominal sample interval, ns.
+    pub(super) fn interval_ns(&self) -> Result<u32> {
+        let rate_hz = self.rate_hz;
+        if !(50.0..=400.0).contains(&rate_hz) {
+            bail!("[imu] rate_hz = {rate_hz} is not between 50 and 400");
+        }
+        Ok((1e9 / rate_hz).round() as u32)
+    }
+
+    /// What the monitor has to know.
+    ///
+    /// # Errors
+    /// When a number is outside its range; the message names the key.
+    pub fn inertial_config(&self) -> Result<InertialConfig> {
+        let [arw, vrw, gyro_walk, accel_walk, gyro, accel, level, heading] = self.grade.numbers();
+        let noise = self.noise.unwrap_or_default();
+        let sigma = self.sigma.unwrap_or_default();
+        let micro_g = STANDARD_GRAVITY_MPS2 * 1e-6;
+        // With the course the level is that of a moving vehicle, and the heading where it slips.
+        let (start, level, heading) = match self.start {
+            Start::Course { min_speed_mps } => {
+                if !(0.5..=100.0).contains(&min_speed_mps) {
+                    bail!(
+                        "[imu.start] min_speed_mps = {min_speed_mps} is not between 0.5 and 100: below, the course is noise"
+                    );
+                }
+                (AttitudeStart::Course { min_speed_mps }, 2.0, 5.0)
+            }
+            Start::Given {
+                roll_deg,
+                pitch_deg,
+                heading_deg,
+            } => {
+                for (key, value) in [
+                    ("roll_deg", roll_deg),
+                    ("pitch_deg", pitch_deg),
+                    ("heading_deg", heading_deg),
+                ] {
+                    if !(-360.0..=360.0).contains(&value) {
+                        bail!("[imu.start] {key} = {value} is not between -360 and 360");
+                    }
+                }
+                let roll_pitch_heading_rad =
+                    [roll_deg, pitch_deg, heading_deg].map(f64::to_radians);
+                let given = AttitudeStart::Given {
+                    roll_pitch_heading_rad,
+                };
+                (given, level, heading)
+            }
+        };
+        let mounting = self.mounting.unwrap_or(Mounting {
+            roll_deg: 0.0,
+            pitch_deg: 0.0,
+            yaw_deg: 0.0,
+        });
+        let LeverArm { imu_m, antenna_m } = self.lever_arm;
+        let level_rad = sigma.roll_pitch_deg.unwrap_or(level).to_radians();
+        let clock = self.clock.preset.noise();
+        let config = InertialConfig {
+            interval_ns: self.interval_ns()?,
+            c_b_s: mounting.c_b_s(),
+            lever_arm_b_m: [
+                antenna_m[0] - imu_m[0],
+                antenna_m[1] - imu_m[1],
+                antenna_m[2] - imu_m[2],
+            ],
+            noise: InertialNoise {
+                arw: noise
+                    .gyro_deg_per_s_sqrt_hz
+                    .unwrap_or(arw / 60.0)
+                    .to_radians(),
+                vrw: noise.accel_ug_per_sqrt_hz.unwrap_or(vrw) * micro_g,
+                gyro_bias_walk: noise
+                    .gyro_bias_walk_deg_per_s_sqrt_s
+                    .unwrap_or(gyro_walk / 3600.0)
+                    .to_radians(),
+                accel_bias_walk: noise.accel_bias_walk_ug_per_sqrt_s.unwrap_or(accel_walk)
+                    * micro_g,
+            },
+            clock: ClockNoise {
+                bias_psd: self.clock.bias_psd_m2_per_s.unwrap_or(clock.bias_psd),
+                drift_psd: self.clock.drift_psd_m2_per_s3.unwrap_or(clock.drift_psd),
+                drift_decay_per_s: self
+                    .clock
+                    .drift_decay_per_s
+                    .unwrap_or(clock.drift_decay_per_s),
+                inter_system_psd: self
+                    .clock
+                    .inter_system_psd_m2_per_s
+                    .unwrap_or(clock.inter_system_psd),
+            },
+            range: SensorRange {
+                rate_radps: self.range.rate_deg_per_s.to_radians(),
+                specific_force_mps2: self.range.specific_force_g * STANDARD_GRAVITY_MPS2,
+            },
+            start,
+            sigma: InitialSigma {
+                position_m: sigma.position_m.unwrap_or(10.0),
+                velocity_mps: sigma.velocity_mps.unwrap_or(0.5),
+                attitude_ned_rad: [
+                    level_rad,
+                    level_rad,
+                    sigma.heading_deg.unwrap_or(heading).to_radians(),
+                ],
+                gyro_bias_radps: sigma.gyro_bias_deg_per_h.unwrap_or(gyro) * DEG_PER_H,
+                accel_bias_mps2: sigma.accel_bias_mg.unwrap_or(accel) * 1000.0 * micro_g,
+                clock_bias_m: sigma.clock_bias_m.unwrap_or(30.0),
+                clock_drift_mps: sigma.clock_drift_mps.unwrap_or(1.0),
+            },
+        };
+        match config.check() {
+            Ok(()) => Ok(config),
+            Err(InertialConfigError::Interval { interval_ns }) => {
+                bail!(
+                    "[imu] rate_hz means samples every {interval_ns} ns: 2.5 to 20 ms are possible"
+                )
+            }
+            Err(InertialConfigError::Mounting) => {
+                bail!("[imu.mounting] holds an angle that is no number")
+            }
+            Err(InertialConfigError::LeverArm) => bail!(
+                "[imu.lever_arm] puts the antenna more than 100 m from the unit: give both in metres, forward, right, down"
+            ),
+            Err(InertialConfigError::NotPositive { value }) => Err(anyhow::anyhow!(
+                "{value} (in SI units) is not positive and finite"
+            ))
+            .context("[imu.noise], [imu.clock], [imu.range] or [imu.sigma]"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WHOLE: &str = r#"
+        rate_hz = 100
+        grade = "mems"
+        lever_arm = { imu_m = [1.0, 0.0, -0.5], antenna_m = [0.0, -0.25, -1.5] }
+        range = { rate_deg_per_s = 2000, specific_force_g = 8 }
+        clock = { preset = "tcxo" }
+        start = { attitude = "course", min_speed_mps = 2.0 }
+    "#;
+
+    fn settings(more: &str) -> ImuSettings {
+        toml::from_str(&format!("{WHOLE}\n{more}")).unwrap()
+    }
+
+    fn specific_force_b(mounting: &str, f_s: [f64; 3]) -> [f64; 3] {
+        let config = settings(mounting).inertial_config().unwrap();
+        config
+            .c_b_s
+            .map(|row| row[0] * f_s[0] + row[1] * f_s[1] + row[2] * f_s[2])
+    }
+
+    #[test]
+    fn the_mounting_turns_what_the_unit_measures_into_body_axes() {
+        let near = |a: [f64; 3], b: [f64; 3]| {
+            assert!(
+                a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12),
+                "{a:?} {b:?}"
+            );
+        };
+        // At rest a unit with z up measures +g along z; the body's down is where -g is.
+        let upside_down = "mounting = { roll_deg = 180, pitch_deg = 0, yaw_deg = 0 }";
+        near(
+            specific_force_b(upside_down, [0.0, 0.0, 1.0]),
+            [0.0, 0.0, -1.0],
+        );
+        near(
+            specific_force_b(upside_down, [1.0, 0.0, 0.0]),
+            [1.0, 0.0, 0.0],
+        );
+        // Unit's x to the left of the vehicle, y forward: a pull to the left is one along its x.
+        let turned = "mounting = { roll_deg = 0, pitch_deg = 0, yaw_deg = 90 }";
+        near(specific_force_b(turned, [1.0, 0.0, 0.0]), [0.0, -1.0, 0.0]);
+        near(specific_force_b(turned, [0.0, 1.0, 0.0]), [1.0, 0.0, 0.0]);
+        // To reach the body's x axis the unit's has to be raised: the unit looks down by 30°, and at
+        // rest measures the reaction to gravity, up in the body, partly backwards.
+        let nose_down = "mounting = { roll_deg = 0, pitch_deg = 30, yaw_deg = 0 }";
+        let up = [-0.5, 0.0, -libm::sqrt(0.75)];
+        near(specific_force_b(nose_down, up), [0.0, 0.0, -1.0]);
+        // Yaw comes first, then the pitch about the turned axis.
+        let both = "mounting = { roll_deg = 0, pitch_deg = 90, yaw_deg = 90 }";
+        near(specific_force_b(both, [0.0, 0.0, 1.0]), [-1.0, 0.0, 0.0]);
+        near(specific_force_b(both, [0.0, 1.0, 0.0]), [0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn a_data_sheet_wins_over_the_grade() {
+        let config = settings("").inertial_config().unwrap();
+        assert_eq!(config.interval_ns, 10_000_000);
+        assert_eq!(config.lever_arm_b_m, [-1.0, -0.25, -1.0]);
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+        // The reference scenario with a MEMS unit says the same numbers.
+        close(config.noise.arw, 8.726_646_259_971_647e-5);
+        close(config.noise.vrw, 1.961_33e-3);
+        close(config.noise.gyro_bias_walk, 2.802_391_220_286_335e-6);
+        close(config.noise.accel_bias_walk, 1.700_575_144_508_671e-4);
+        close(config.sigma.gyro_bias_radps, 2.424_068_405_547_68e-4);
+        close(config.sigma.accel_bias_mps2, 4.903_325e-2);
+        let sheet = settings(
+            "noise = { gyro_deg_per_s_sqrt_hz = 0.0038, accel_ug_per_sqrt_hz = 70 }\nsigma = { gyro_bias_deg_per_h = 1000, heading_deg = 10 }",
+        )
+        .inertial_config()
+        .unwrap();
+        close(sheet.noise.arw, 0.0038_f64.to_radians());
+        close(sheet.noise.vrw, 70e-6 * 9.806_65);
+        assert_eq!(sheet.noise.gyro_bias_walk, config.noise.gyro_bias_walk);
+        close(sheet.sigma.attitude_ned_rad[2], 10_f64.to_radians());
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_its_key() {
+        let refused = |more: &str, word: &str| {
+            let error = settings(more).inertial_config().unwrap_err();
+            assert!(format!("{error:#}").contains(word), "{error:#}");
+        };
+        refused(
+            "mounting = { roll_deg = nan, pitch_deg = 0, yaw_deg = 0 }",
+            "imu.mounting",
+        );
+        refused("noise = { accel_ug_per_sqrt_hz = -70 }", "imu.noise");
+        let unknown = toml::from_str::<ImuSettings>(&format!("{WHOLE}\nnoise = {{ gyro = 3 }}"));
+        let message = unknown.unwrap_err().to_string();
+        assert!(
+            message.contains("`gyro`") && message.contains("accel_ug_per_sqrt_hz"),
+            "{message}"
+        );
+        let twenty = WHOLE.replace("= 100", "= 20");
+        let twenty: ImuSettings = toml::from_str(&twenty).unwrap();
+        assert!(
+            twenty
+                .inertial_config()
+                .unwrap_err()
+                .to_string()
+                .contains("50 and 400")
+        );
+    }
+}
