@@ -227,19 +227,20 @@ fn vectors_from<const FIRST: usize, const M: usize>(
         return;
     }
     let mut sums = [[0.0; 3]; 3];
-    for j in 0..3 {
-        if FIRST + j < M {
-            sums[j] = column(FIRST + j);
-        }
-    }
-    for s in 0..FIRST + 2 {
+    for s in 0..FIRST + 3 {
         if s < M {
             let column = column(s);
             for j in 0..3 {
                 let q = FIRST + j;
-                if s < q && q < M {
+                if s <= q && q < M {
                     for i in 0..3 {
-                        sums[j][i] += column[i] * combination[q][s];
+                        // Entry q of z_q is 1.
+                        let part = if s == q {
+                            column[i]
+                        } else {
+                            column[i] * combination[q][s]
+                        };
+                        sums[j][i] = if s == 0 { part } else { sums[j][i] + part };
                     }
                 }
             }
