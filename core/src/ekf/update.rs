@@ -23,9 +23,7 @@
 use super::filter::Filter;
 use super::information::EpochInformation;
 use super::joint::{JointWorkspace, Scalar};
-use super::layout::{
-    BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION, POSITION, VELOCITY, pair,
-};
+use super::layout::{BLOCKS, JOINT_NAVIGATION, POSITION, VELOCITY, pair};
 use crate::linalg::block3::{Block, Symmetric, full};
 
 /// Vectors of one block of states, one per scalar measurement.
@@ -290,8 +288,8 @@ fn subtract<const M: usize>(p: &mut Block, vectors: &BlockVectors<M>, gains: &Bl
     *p = sum;
 }
 
-/// The same of the covariance with the clock states, and the state's own step.
-#[inline(never)]
+/// The same of the covariance with the clock states, and the state's own step. Four columns are what the
+/// registers hold.
 fn subtract_columns<const K: usize, const M: usize>(
     columns: &mut [[f64; 3]; K],
     state: &mut [f64; 3],
@@ -299,26 +297,52 @@ fn subtract_columns<const K: usize, const M: usize>(
     gains: &[[f64; K]; M],
     scalar: &[Scalar; M],
 ) {
-    let (mut bias, mut drift) = (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]);
-    let mut moved = *state;
+    if let Some((three, rest)) = columns.split_first_chunk_mut::<3>() {
+        subtract_first_columns(three, state, vectors, gains, scalar);
+        for (column, k) in rest.iter_mut().zip(3..) {
+            subtract_column(column, vectors, gains, k);
+        }
+    } else if let Some(two) = columns.first_chunk_mut::<2>() {
+        subtract_first_columns(two, state, vectors, gains, scalar);
+    }
+}
+
+#[inline(never)]
+fn subtract_first_columns<const C: usize, const K: usize, const M: usize>(
+    columns: &mut [[f64; 3]; C],
+    state: &mut [f64; 3],
+    vectors: &BlockVectors<M>,
+    gains: &[[f64; K]; M],
+    scalar: &[Scalar; M],
+) {
+    let (mut sums, mut moved) = (*columns, *state);
     for ((v, gain), scalar) in vectors.iter().zip(gains).zip(scalar) {
+        for (sum, gain) in sums.iter_mut().zip(gain) {
+            for i in 0..3 {
+                sum[i] -= v[i] * gain;
+            }
+        }
         for i in 0..3 {
-            bias[i] -= v[i] * gain[CLOCK_BIAS];
-            drift[i] -= v[i] * gain[CLOCK_DRIFT];
             moved[i] += v[i] * scalar.step;
         }
     }
-    *state = moved;
-    (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]) = (bias, drift);
-    for k in FIRST_OFFSET..K {
-        let mut offset = columns[k];
-        for (v, gain) in vectors.iter().zip(gains) {
-            for i in 0..3 {
-                offset[i] -= v[i] * gain[k];
-            }
+    (*columns, *state) = (sums, moved);
+}
+
+#[inline(never)]
+fn subtract_column<const K: usize, const M: usize>(
+    column: &mut [f64; 3],
+    vectors: &BlockVectors<M>,
+    gains: &[[f64; K]; M],
+    k: usize,
+) {
+    let mut sum = *column;
+    for (v, gain) in vectors.iter().zip(gains) {
+        for i in 0..3 {
+            sum[i] -= v[i] * gain[k];
         }
-        columns[k] = offset;
     }
+    *column = sum;
 }
 
 #[cfg(test)]
