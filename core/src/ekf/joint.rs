@@ -119,15 +119,15 @@ impl<const K: usize, const M: usize> JointWorkspace<K, M> {
     }
 }
 
-/// What is done once per scalar measurement. Its number is a constant of the compiler, so that loops up
-/// to it are unrolled and their entries stay in registers.
-pub(super) trait PerMeasurement {
+/// What is done once per row of a joint block or per scalar measurement. The number is a constant of the
+/// compiler, so that loops up to it are unrolled and their entries stay in registers.
+pub(super) trait PerRow {
     fn run<const Q: usize>(&mut self);
 }
 
 /// Runs for 0, 1, … M − 1.
 #[inline(always)]
-pub(super) fn for_each<const M: usize>(work: &mut impl PerMeasurement) {
+pub(super) fn for_each<const M: usize>(work: &mut impl PerRow) {
     const { assert!(8 <= M && M <= MAX_JOINT) };
     work.run::<0>();
     work.run::<1>();
@@ -152,7 +152,7 @@ struct Factorisation<'a, const K: usize, const M: usize> {
     explained: &'a mut f64,
 }
 
-impl<const K: usize, const M: usize> PerMeasurement for Factorisation<'_, K, M> {
+impl<const K: usize, const M: usize> PerRow for Factorisation<'_, K, M> {
     /// Row q of Λ less what the later measurements have of it, divided by its pivot.
     #[inline(always)]
     fn run<const BEFORE_LAST: usize>(&mut self) {
@@ -195,7 +195,7 @@ fn factorise<const K: usize, const M: usize>(
     });
 }
 
-impl<const K: usize, const M: usize> PerMeasurement for JointWorkspace<K, M> {
+impl<const K: usize, const M: usize> PerRow for JointWorkspace<K, M> {
     #[inline(always)]
     fn run<const Q: usize>(&mut self) {
         if Q < M {
