@@ -23,7 +23,7 @@ use super::layout::{
 use super::transition::{ClockTransition, NavigationCovariance, NavigationTransition, Transition};
 use crate::linalg::block3::{
     Block, Symmetric, ZERO, add_product, add_product_symmetric, add_product_transposed,
-    add_product_vector, add_symmetric_product, full,
+    add_product_vector, add_symmetric_product, full, product, product_symmetric,
 };
 
 /// Error of the nominal trajectory; signs in `layout.rs`.
@@ -310,11 +310,10 @@ fn row_times_column<const J: usize>(
     p: &NavigationCovariance,
     out: &mut Block,
 ) {
-    let mut sum = ZERO;
+    let mut sum = product_symmetric(&row[J], &p.diagonal[J]);
     for k in 0..J {
         add_product(&mut sum, &row[k], &p.off_diagonal[pair(k, J)]);
     }
-    add_product_symmetric(&mut sum, &row[J], &p.diagonal[J]);
     for k in J + 1..BLOCKS {
         add_product_transposed(&mut sum, &row[k], &p.off_diagonal[pair(J, k)]);
     }
@@ -336,16 +335,11 @@ fn row_times(row: &[Block; BLOCKS], p: &NavigationCovariance, out: &mut [Block; 
 #[inline(never)]
 fn attitude_times(row: &[Block; 2], p: &mut NavigationCovariance, out: &mut [Block; 2]) {
     let [attitude, gyro] = row;
-    let mut sum = ZERO;
-    add_product_symmetric(&mut sum, attitude, &p.diagonal[ATTITUDE]);
-    add_product_transposed(&mut sum, gyro, &p.off_diagonal[pair(ATTITUDE, GYRO_BIAS)]);
+    let off_diagonal = &p.off_diagonal[pair(ATTITUDE, GYRO_BIAS)];
+    let mut sum = product_symmetric(attitude, &p.diagonal[ATTITUDE]);
+    add_product_transposed(&mut sum, gyro, off_diagonal);
     out[0] = sum;
-    let mut sum = ZERO;
-    add_product(
-        &mut sum,
-        attitude,
-        &p.off_diagonal[pair(ATTITUDE, GYRO_BIAS)],
-    );
+    let mut sum = product(attitude, off_diagonal);
     add_product_symmetric(&mut sum, gyro, &p.diagonal[GYRO_BIAS]);
     out[1] = sum;
 }

@@ -169,12 +169,7 @@ impl<const M: usize> EpochInformation<M> {
     /// Adds all that another set of satellites says; the sets must not share any.
     #[inline(never)]
     pub fn add(&mut self, other: &Self) {
-        for i in 0..M {
-            for j in 0..=i {
-                self.matrix[i][j] += other.matrix[i][j];
-            }
-            self.vector[i] += other.vector[i];
-        }
+        for_each::<M>(&mut Sum { into: self, other });
         self.weighted_square += other.weighted_square;
         self.rows = self.rows.wrapping_add(other.rows);
     }
@@ -203,5 +198,22 @@ impl<const M: usize> PerRow for Scalar<'_, M> {
         }
         self.matrix[I][I] += weighted * self.design[I];
         self.vector[I] += weighted * self.innovation;
+    }
+}
+
+/// Another set of satellites that is added.
+struct Sum<'a, const M: usize> {
+    into: &'a mut EpochInformation<M>,
+    other: &'a EpochInformation<M>,
+}
+
+impl<const M: usize> PerRow for Sum<'_, M> {
+    #[inline(always)]
+    fn run<const I: usize>(&mut self) {
+        for j in 0..I {
+            self.into.matrix[I][j] += self.other.matrix[I][j];
+        }
+        self.into.matrix[I][I] += self.other.matrix[I][I];
+        self.into.vector[I] += self.other.vector[I];
     }
 }

@@ -26,6 +26,37 @@ const fn packed(i: usize, j: usize) -> usize {
     PLACE[i][j]
 }
 
+/// `l r`.
+#[inline(always)]
+pub(crate) fn product(l: &Block, r: &Block) -> Block {
+    product_with(l, |k, j| r[3 * k + j])
+}
+
+/// `l s` with s symmetric.
+#[inline(always)]
+pub(crate) fn product_symmetric(l: &Block, s: &Symmetric) -> Block {
+    product_with(l, |k, j| s[packed(k, j)])
+}
+
+/// The product with a matrix given by its entries, begun with the first terms and not with zero.
+#[inline(always)]
+fn product_with(l: &Block, r: impl Fn(usize, usize) -> f64) -> Block {
+    let mut sum = ZERO;
+    for i in 0..3 {
+        for j in 0..3 {
+            sum[3 * i + j] = l[3 * i] * r(0, j);
+        }
+    }
+    for k in 1..3 {
+        for i in 0..3 {
+            for j in 0..3 {
+                sum[3 * i + j] += l[3 * i + k] * r(k, j);
+            }
+        }
+    }
+    sum
+}
+
 /// `sum += l r`.
 #[inline(always)]
 pub(crate) fn add_product(sum: &mut Block, l: &Block, r: &Block) {
@@ -82,14 +113,6 @@ pub(crate) fn add_product_vector(sum: &mut [f64; 3], l: &Block, v: &[f64; 3]) {
             sum[i] += l[3 * i + k] * v[k];
         }
     }
-}
-
-/// `l r`.
-#[inline(always)]
-pub(crate) fn product(l: &Block, r: &Block) -> Block {
-    let mut sum = ZERO;
-    add_product(&mut sum, l, r);
-    sum
 }
 
 /// `sum += factor l`.

@@ -105,7 +105,8 @@ fn rows<const K: usize, const M: usize>(
     }
     predict.print("ekf/predict", None, states);
     for n in SATELLITES {
-        let (mut information, mut update, mut both) = (Row::new(), Row::new(), Row::new());
+        let (mut information, mut addition) = (Row::new(), Row::new());
+        let (mut update, mut both) = (Row::new(), Row::new());
         for _ in 0..RUNS {
             start(&mut bank.filter);
             bank.filter.predict(transition, workspace);
@@ -122,6 +123,8 @@ fn rows<const K: usize, const M: usize>(
                     sum.add_row(row);
                 }
             });
+            let mut twice = sum.clone();
+            addition.run(|| twice.add(black_box(sum)));
             update.run(|| {
                 black_box(filter.update(black_box(sum), update_workspace));
             });
@@ -133,6 +136,9 @@ fn rows<const K: usize, const M: usize>(
             require(filter.check().is_ok(), "the filter fell ill");
         }
         information.print("ekf/information", Some(n), states);
+        if n == 12 {
+            addition.print("ekf/information+information", None, states);
+        }
         update.print("ekf/update", Some(n), states);
         both.print("ekf/predict+update", Some(n), states);
     }
