@@ -32,7 +32,7 @@ enum Command {
     Replay(Box<ReplayArguments>),
     Scenario(scenario::run::Args),
     /// Simulate a flight: the bytes a receiver would send, and the truth
-    Simulate(simulate::Args),
+    Simulate(simulate::Command),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     /// One self-contained HTML page of a replay
@@ -280,7 +280,7 @@ fn main() -> ExitCode {
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
         Command::Scenario(arguments) => run_scenario(arguments),
-        Command::Simulate(arguments) => simulate::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };

@@ -1,8 +1,10 @@
-//! Where the antenna is: a fixed mast, or an aircraft on a straight approach.
+//! The flights by name, and the tracks of the two that carry no inertial unit: a fixed mast, and an
+//! aircraft on a straight approach. Those with one are in `inertial/catalogue.rs`.
 //!
 //! Positions are in Earth-fixed axes, m; the approach is a straight line in the tangent plane of the
 //! runway threshold, as a glide path is, with a parabola where the level segment meets it.
 
+use clap::ValueEnum;
 use nalgebra::{Matrix3, Vector3};
 use surefix_core::consts::{WGS84_A_M, WGS84_F};
 
@@ -11,11 +13,11 @@ use surefix_core::consts::{WGS84_A_M, WGS84_F};
 /// are in view.
 pub const THRESHOLD: (f64, f64, f64) = (31.143_4, 121.805_2, 16.0);
 /// True heading of the runway, degrees.
-const RUNWAY_HEADING_DEG: f64 = 347.0;
+pub const RUNWAY_HEADING_DEG: f64 = 347.0;
 /// Glide path, degrees. [ICAO-A10] 3.1.5.1.2.1: 3°.
-const GLIDE_PATH_DEG: f64 = 3.0;
+pub const GLIDE_PATH_DEG: f64 = 3.0;
 /// Height of the glide path over the threshold, m (50 ft). [ICAO-A10] 3.1.5.6.1.
-const THRESHOLD_CROSSING_M: f64 = 15.24;
+pub const THRESHOLD_CROSSING_M: f64 = 15.24;
 /// Ground speed on the approach, m/s (136 kt).
 const GROUND_SPEED_MPS: f64 = 70.0;
 /// Time from leaving the level segment to the threshold, s.
@@ -23,11 +25,51 @@ const DESCENT_S: f64 = 180.0;
 /// Time over which the level segment bends into the glide path, s.
 const ROUNDING_S: f64 = 8.0;
 
-/// A path of the antenna.
+/// A flight on the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[clap(rename_all = "snake_case")]
 pub enum Flight {
-    /// A fixed antenna on a mast.
+    /// A fixed antenna on a mast; with --imu, an inertial unit beside it
     Static,
+    /// Receiver only: level at 660 m over the threshold, then a 3° glide path down to it at 70 m/s
+    Approach,
+    /// The mast, without any noise (navigation IMU)
+    StaticPerfect,
+    /// Airliner in cruise with turns; 3, 2, 1, 0 satellites for a minute each (navigation IMU)
+    Coasting,
+    /// Non-precision approach with a base turn, down to 150 m (tactical IMU)
+    Npa,
+    /// The same with a ramp of 1 m/s on G04
+    NpaRamp,
+    /// The same with a step of 30 m on G04
+    NpaStep,
+    /// LPV-200 approach on a 3° glide path with flare (tactical IMU)
+    Lpv200,
+    /// The same with a ramp of 0.5 m/s on G04
+    Lpv200Ramp,
+    /// The same with a step of 25 m on G04
+    Lpv200Step,
+    /// The manoeuvres of [P4] 3.1: standing, take-off, turns, climb, descent, landing (MEMS IMU)
+    P4Flight,
+    /// Drone surveying a field in parallel lines (MEMS IMU)
+    UavSurvey,
+    /// Vertical take-off, hover, transition, cruise, and back (MEMS IMU)
+    Evtol,
+    /// Airliner in cruise with two turns and a climb (navigation IMU)
+    EnrouteTurn,
+    /// LPV-200 approach broken off at 60 m, climb and turn (tactical IMU)
+    GoAround,
+    /// Body coning and heaving at 4 Hz during fast turns (tactical IMU)
+    Coning,
+    /// Car in a town: stops, corners, slopes (MEMS IMU)
+    Drive,
+}
+
+/// A track of the antenna alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Track {
+    /// A fixed antenna on a mast.
+    Mast,
     /// Level at 660 m over the threshold, then a 3° glide path down to it at 70 m/s.
     Approach,
 }
@@ -43,17 +85,27 @@ pub struct AntennaState {
 
 impl Flight {
     /// Name on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Static => "static",
-            Self::Approach => "approach",
-        }
+    pub fn name(self) -> String {
+        self.to_possible_value()
+            .map(|value| value.get_name().to_owned())
+            .unwrap_or_default()
     }
 
+    /// The track of a flight without an inertial unit.
+    pub fn track(self) -> Option<Track> {
+        match self {
+            Self::Static => Some(Track::Mast),
+            Self::Approach => Some(Track::Approach),
+            _ => None,
+        }
+    }
+}
+
+impl Track {
     /// How long it lasts unless told otherwise, s.
     pub fn usual_duration_s(self) -> f64 {
         match self {
-            Self::Static => 600.0,
+            Self::Mast => 600.0,
             Self::Approach => 240.0,
         }
     }
@@ -63,7 +115,7 @@ impl Flight {
         let (latitude_deg, longitude_deg, height_m) = THRESHOLD;
         let origin = ecef_from_geodetic(latitude_deg, longitude_deg, height_m);
         match self {
-            Self::Static => {
+            Self::Mast => {
                 // On the 0.1 mm grid of message 1006, so that the station sent is the truth.
                 let on_grid = origin.map(|v| libm::round(v * 1e4) / 1e4);
                 AntennaState {
@@ -161,7 +213,7 @@ mod tests {
     #[test]
     fn the_approach_ends_on_the_glide_path_over_the_threshold() {
         let (latitude_deg, longitude_deg, height_m) = THRESHOLD;
-        let end = Flight::Approach.state(240.0, 240.0);
+        let end = Track::Approach.state(240.0, 240.0);
         let above =
             ecef_from_geodetic(latitude_deg, longitude_deg, height_m + THRESHOLD_CROSSING_M);
         assert!((end.position_e_m - above).norm() < 1e-6);
@@ -171,14 +223,14 @@ mod tests {
 
     #[test]
     fn velocity_is_the_rate_of_position() {
-        for flight in [Flight::Static, Flight::Approach] {
+        for track in [Track::Mast, Track::Approach] {
             for k in 1..240 {
                 let t_s = f64::from(k);
-                let before = flight.state(t_s - 0.01, 240.0).position_e_m;
-                let after = flight.state(t_s + 0.01, 240.0).position_e_m;
-                let velocity = flight.state(t_s, 240.0).velocity_e_mps;
+                let before = track.state(t_s - 0.01, 240.0).position_e_m;
+                let after = track.state(t_s + 0.01, 240.0).position_e_m;
+                let velocity = track.state(t_s, 240.0).velocity_e_mps;
                 let rate = (after - before) / 0.02;
-                assert!((rate - velocity).norm() < 2e-3, "{flight:?} at {t_s} s");
+                assert!((rate - velocity).norm() < 2e-3, "{track:?} at {t_s} s");
             }
         }
     }

@@ -7,34 +7,35 @@
 //! | `receiver.rtcm3` | MSM7 1077, 1097, 1127 per epoch, ephemerides 1019, 1042, 1045, 1046, station 1006 |
 //! | `truth.csv` | antenna position and velocity in Earth-fixed axes, one row per epoch |
 //! | `scenario.toml` | what was simulated |
+//!
+//! These are the files of a receiver alone; `inertial` adds flights with an inertial unit, and the
+//! files of a scenario folder.
 
 pub mod atmosphere;
 pub mod flight;
+pub mod inertial;
 pub mod noise;
 pub mod orbit;
 pub mod receiver;
+pub mod signal_path;
 pub mod sky;
+pub mod stream;
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use surefix_core::gnss::System;
-use surefix_core::gnss::klobuchar::KlobucharParameters;
-use surefix_core::ingest::encode_klobuchar;
-use surefix_core::time::{GpsTime, NS_PER_S};
+use surefix_core::time::GpsTime;
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultKind, FaultSpec};
-use crate::rtcm_encode::{encode_ephemeris, encode_epoch, encode_station};
 use atmosphere::Ionosphere;
 use flight::Flight;
+use inertial::sensors::Grade;
 use receiver::{Conditions, Epoch, Receiver};
+use stream::Stream;
 
 /// Time of week of the first epoch, s: ten minutes past a reference time of the ephemerides.
 const START_TOW_S: i64 = 274_200;
-/// Ephemerides are repeated this often, s; a satellite's own also when it rises or is updated.
-const EPHEMERIS_INTERVAL_S: i64 = 30;
-
 /// Longest simulation, s.
 const MAX_DURATION_S: f64 = 172_800.0;
 
@@ -52,7 +53,8 @@ pub struct Args {
     /// Epochs per second.
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub rate_hz: f64,
-    /// Length in seconds; the approach is 240 s, a fixed receiver 600 s unless told otherwise.
+    /// Length in seconds; the approach is 240 s, a fixed receiver 600 s unless told otherwise. Flights
+    /// with an inertial unit can be cut short.
     #[arg(long, allow_negative_numbers = true)]
     pub duration: Option<f64>,
     /// No noise, multipath or signal-in-space error.
@@ -70,6 +72,19 @@ pub struct Args {
     /// Fault on a satellite, `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`, for example G05:step:50:60:180.
     #[arg(long = "fault", value_name = "SPEC")]
     pub faults: Vec<FaultSpec>,
+}
+
+/// Arguments of `surefix simulate` as they are given: those of a receiver, and an inertial unit.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Command {
+    #[command(flatten)]
+    args: Args,
+    /// Grade of the inertial unit, if not the flight's own; makes `static` a flight with one.
+    #[arg(long, value_enum)]
+    imu: Option<Grade>,
+    /// Inertial samples per second: 50 to 400, 100 unless told otherwise.
+    #[arg(long, alias = "rate", value_name = "HZ")]
+    imu_rate_hz: Option<u32>,
 }
 
 /// What a simulation produced.
@@ -101,7 +116,13 @@ pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
     if !(0.01..=50.0).contains(&args.rate_hz) {
         bail!("--rate-hz {} is not between 0.01 and 50", args.rate_hz);
     }
-    let duration_s = args.duration.unwrap_or(args.name.usual_duration_s());
+    let Some(track) = args.name.track() else {
+        bail!(
+            "{} carries an inertial unit; its receiver alone is not simulated",
+            args.name.name()
+        );
+    };
+    let duration_s = args.duration.unwrap_or(track.usual_duration_s());
     // Written so that NaN is refused.
     if !(duration_s > 0.0 && duration_s <= MAX_DURATION_S) {
         bail!("--duration {duration_s} is not more than 0 and at most {MAX_DURATION_S} s");
@@ -109,7 +130,7 @@ pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
     let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;
     let start = GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S);
     let receiver = Receiver::new(
-        args.name,
+        track,
         conditions(args),
         start,
         duration_s,
@@ -131,74 +152,21 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
         scenario_toml: String::new(),
         epochs: 0,
     };
-    let mut sent = Vec::new();
+    let mut stream = Stream::new(args.ionosphere, args.name == Flight::Static);
     let mut first = None;
     let mut coverage = FaultCoverage::new(&args.faults);
     for epoch in epochs(args)? {
         let time = epoch.observations.time;
         let start = *first.get_or_insert(time);
-        let repeat = time.ns() - start.ns();
-        let due = repeat % (EPHEMERIS_INTERVAL_S * NS_PER_S) == 0;
-        if let Some(parameters) = args.ionosphere.parameters().filter(|_| due) {
-            simulation.rtcm3.extend(klobuchar_frame(&parameters)?);
-        }
-        if due && args.name == Flight::Static {
-            let station = epoch.antenna.position_e_m;
-            simulation.rtcm3.extend(encode_station(station.into())?);
-        }
-        send_ephemerides(&mut simulation.rtcm3, &epoch, due, &mut sent)?;
-        simulation
-            .rtcm3
-            .extend(encode_epoch(&epoch.observations, |satellite| {
-                let place = epoch
-                    .observations
-                    .satellites
-                    .iter()
-                    .position(|s| s.satellite == satellite);
-                place
-                    .and_then(|k| epoch.lock_ms.get(k))
-                    .copied()
-                    .unwrap_or(0)
-            })?);
+        stream.push(&epoch)?;
         truth_row(&mut simulation.truth_csv, &epoch, time.seconds_since(start))?;
         simulation.epochs += 1;
         coverage.see(&epoch.observations, time.seconds_since(start));
     }
     coverage.check()?;
+    simulation.rtcm3 = stream.bytes;
     simulation.scenario_toml = scenario_toml(args, simulation.epochs);
     Ok(simulation)
-}
-
-/// Ionosphere parameters in surefix's own frame.
-fn klobuchar_frame(parameters: &KlobucharParameters) -> Result<Vec<u8>> {
-    let mut frame = [0; 256];
-    match encode_klobuchar(parameters, &mut frame) {
-        Ok(length) => Ok(frame[..length].to_vec()),
-        Err(_) => bail!("the ionosphere parameters do not fit a frame of 256 bytes"),
-    }
-}
-
-/// Sends the ephemerides of tracked satellites: all when `due`, otherwise only those not sent yet.
-fn send_ephemerides(
-    bytes: &mut Vec<u8>,
-    epoch: &Epoch,
-    due: bool,
-    sent: &mut Vec<(surefix_core::gnss::Satellite, GpsTime)>,
-) -> Result<()> {
-    for ephemeris in &epoch.ephemerides {
-        let key = (ephemeris.satellite, ephemeris.toe);
-        if !due && sent.contains(&key) {
-            continue;
-        }
-        bytes.extend(encode_ephemeris(ephemeris)?);
-        if ephemeris.satellite.system() == System::Galileo {
-            bytes.extend(encode_ephemeris(&sky::galileo_fnav(ephemeris))?);
-        }
-        if !sent.contains(&key) {
-            sent.push(key);
-        }
-    }
-    Ok(())
 }
 
 fn truth_row(csv: &mut String, epoch: &Epoch, t_s: f64) -> Result<()> {
@@ -300,17 +268,14 @@ fn fault_table(fault: &FaultSpec) -> String {
 /// Runs `surefix simulate`.
 pub fn run(args: &Args) -> Result<()> {
     let simulation = simulate(args)?;
-    crate::replay::make_directory(&args.out)?;
-    let files: [(&str, &[u8]); 3] = [
-        ("receiver.rtcm3", &simulation.rtcm3),
-        ("truth.csv", simulation.truth_csv.as_bytes()),
-        ("scenario.toml", simulation.scenario_toml.as_bytes()),
-    ];
-    for (name, content) in files {
-        let path = args.out.join(name);
-        std::fs::write(&path, content)
-            .with_context(|| format!("cannot write {}", path.display()))?;
-    }
+    write(
+        &args.out,
+        &[
+            ("receiver.rtcm3", &simulation.rtcm3),
+            ("truth.csv", simulation.truth_csv.as_bytes()),
+            ("scenario.toml", simulation.scenario_toml.as_bytes()),
+        ],
+    )?;
     println!(
         "{}: {} epochs, {} bytes of RTCM 3 in {}",
         args.name.name(),
@@ -318,5 +283,79 @@ pub fn run(args: &Args) -> Result<()> {
         simulation.rtcm3.len(),
         args.out.join("receiver.rtcm3").display()
     );
+    Ok(())
+}
+
+impl Command {
+    /// Runs `surefix simulate`.
+    ///
+    /// # Errors
+    /// When the arguments do not go together, or a file cannot be written.
+    pub fn run(&self) -> Result<()> {
+        let has_unit = self.imu.is_some() || self.imu_rate_hz.is_some();
+        if self.args.name.track().is_some() && !has_unit {
+            return run(&self.args);
+        }
+        let scenario = inertial::fly(&self.request()?)?;
+        let radio = inertial::board::Radio {
+            dual_frequency: self.args.dual_frequency,
+            ionosphere: self.args.ionosphere,
+            troposphere: !self.args.no_troposphere,
+        };
+        let receiver = inertial::board::receiver_bytes(&scenario, &radio)?;
+        let imu = inertial::board::imu_bytes(&scenario)?;
+        let folder = inertial::folder::files(&scenario);
+        let mut files: Vec<(&str, &[u8])> = folder
+            .iter()
+            .map(|(name, text)| (*name, text.as_bytes()))
+            .collect();
+        files.push(("receiver.rtcm3", &receiver));
+        files.push(("imu.sfx", &imu));
+        write(&self.args.out, &files)?;
+        println!(
+            "{}: {} s, {} inertial samples ({}), {} receiver epochs in {}",
+            self.args.name.name(),
+            scenario.duration_s,
+            scenario.imu.len(),
+            scenario.grade.name(),
+            scenario.epochs.len(),
+            self.args.out.display()
+        );
+        Ok(())
+    }
+
+    /// The flight asked for.
+    fn request(&self) -> Result<inertial::Request> {
+        let args = &self.args;
+        let whole = |name: &str, value: f64| {
+            // Casting saturates; NaN becomes 0, which no flight takes.
+            let number = value as u32;
+            if f64::from(number) != value {
+                bail!(
+                    "{name} {value} is no whole number, which a flight with an inertial unit needs"
+                );
+            }
+            Ok(number)
+        };
+        Ok(inertial::Request {
+            grade: self.imu,
+            imu_rate_hz: self.imu_rate_hz.unwrap_or(100),
+            gnss_rate_hz: whole("--rate-hz", args.rate_hz)?,
+            duration_s: args.duration.map(|d| whole("--duration", d)).transpose()?,
+            noise_free: args.noise_free,
+            faults: args.faults.clone(),
+            ..inertial::Request::new(args.name, args.seed)
+        })
+    }
+}
+
+/// Writes files into a directory, made if absent.
+fn write(directory: &Path, files: &[(&str, &[u8])]) -> Result<()> {
+    crate::replay::make_directory(directory)?;
+    for (name, content) in files {
+        let path = directory.join(name);
+        std::fs::write(&path, content)
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
     Ok(())
 }

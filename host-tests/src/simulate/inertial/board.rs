@@ -1,0 +1,167 @@
+//! The bytes a board in a simulated flight would see.
+//!
+//! The receiver's stream is made the long way: signals from the broadcast orbits through the atmosphere
+//! to the antenna, satellite clocks and group delays, MSM7 with Doppler. What a scenario folder holds
+//! is put on top: the same noise and faults on the same satellites, at the same epochs.
+
+use anyhow::{Result, anyhow};
+use rand_chacha::ChaCha20Rng;
+use surefix_core::consts::SPEED_OF_LIGHT_MPS;
+use surefix_core::gnss::{ObservationEpoch, Satellite, SignalObservation};
+use surefix_core::ingest::encode_imu;
+use surefix_core::time::GpsTime;
+
+use super::{Scenario, random};
+use crate::simulate::atmosphere::{Ionosphere, ionosphere_m};
+use crate::simulate::flight::{AntennaState, Flight};
+use crate::simulate::inertial::measurements::Row;
+use crate::simulate::noise::normal;
+use crate::simulate::receiver::{self, PHASE_SIGMA_M, cn0_dbhz};
+use crate::simulate::signal_path::{Channel, Platform, SignalPath, channels};
+use crate::simulate::stream::Stream;
+
+/// Random numbers of carrier phases and second signals.
+const STREAM_RECEIVER: u64 = (1 << 32) + 3;
+/// Half the step of the difference quotient of ranges, s.
+const STEP_S: f64 = 0.01;
+
+/// What lies between satellites and receiver, and which signals it tracks.
+#[derive(Clone, Copy, Debug)]
+pub struct Radio {
+    /// Two signals per satellite.
+    pub dual_frequency: bool,
+    /// The ionosphere.
+    pub ionosphere: Ionosphere,
+    /// The troposphere of Saastamoinen.
+    pub troposphere: bool,
+}
+
+impl Platform for Scenario {
+    fn antenna(&self, true_s: f64) -> AntennaState {
+        let state = self.trajectory.state(true_s);
+        AntennaState {
+            position_e_m: state.r_eb_e,
+            velocity_e_mps: state.v_eb_e,
+        }
+    }
+
+    fn clock_bias_s(&self, receiver_s: f64) -> f64 {
+        self.clock.bias_s(receiver_s)
+    }
+}
+
+/// `receiver.rtcm3`: epochs labelled with the receiver's own time, from t = 0 on.
+///
+/// # Errors
+/// When a message does not encode.
+pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
+    let way = SignalPath {
+        platform: scenario,
+        start: scenario.start,
+        troposphere: radio.troposphere,
+    };
+    let flight = scenario.request.flight;
+    let fixed = matches!(flight, Flight::Static | Flight::StaticPerfect);
+    let mut stream = Stream::new(radio.ionosphere, fixed);
+    let mut random = random(scenario.request.seed, STREAM_RECEIVER);
+    let mut tracked: Vec<(Satellite, GpsTime)> = Vec::new();
+    for epoch in &scenario.epochs {
+        let label = scenario.start.plus_ns(libm::round(epoch.t_s * 1e9) as i64);
+        let in_view = |satellite| {
+            epoch
+                .rows
+                .iter()
+                .any(|row| row.measurement.satellite == satellite)
+        };
+        tracked.retain(|(satellite, _)| in_view(*satellite));
+        let mut sent = receiver::Epoch {
+            observations: ObservationEpoch::EMPTY,
+            ephemerides: Vec::new(),
+            lock_ms: Vec::new(),
+            antenna: way.antenna(label, 0.0),
+        };
+        sent.observations.restart(label);
+        for row in &epoch.rows {
+            let satellite = row.measurement.satellite;
+            let since = match tracked.iter().find(|(known, _)| *known == satellite) {
+                Some((_, since)) => *since,
+                None => {
+                    tracked.push((satellite, label));
+                    label
+                }
+            };
+            for (number, channel) in channels(satellite.system(), radio.dual_frequency)
+                .iter()
+                .enumerate()
+            {
+                let errors = if number == 0 {
+                    (row.noise.0 + row.fault.0, row.noise.1 + row.fault.1)
+                } else {
+                    second_signal(scenario, row, &mut random)
+                };
+                let observation = observe(&way, radio, row, channel, label, errors, &mut random);
+                // Fits: fewer satellites are above the mask than an epoch holds.
+                let _ = sent.observations.add(satellite, observation);
+            }
+            sent.ephemerides.push(row.ephemeris);
+            sent.lock_ms
+                .push(((label.ns() - since.ns()) / 1_000_000) as u64);
+        }
+        stream.push(&sent)?;
+    }
+    Ok(stream.bytes)
+}
+
+/// `imu.sfx`: a native frame per sample.
+///
+/// # Errors
+/// When a frame does not fit.
+pub fn imu_bytes(scenario: &Scenario) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let mut frame = [0; 256];
+    for sample in &scenario.imu {
+        let length = encode_imu(sample, &mut frame)
+            .map_err(|error| anyhow!("an inertial sample did not encode: {error:?}"))?;
+        bytes.extend(&frame[..length]);
+    }
+    Ok(bytes)
+}
+
+/// Errors of the second signal: noise of its own and the fault of the first.
+fn second_signal(scenario: &Scenario, row: &Row, random: &mut ChaCha20Rng) -> (f64, f64) {
+    let measured = &row.measurement;
+    let scale = if scenario.noise_free { 0.0 } else { 1.0 };
+    let sigma_mps = measured.range_rate_mps.map_or(0.0, |(_, sigma)| sigma);
+    (
+        row.fault.0 + scale * measured.sigma_pseudorange_m * normal(random),
+        row.fault.1 + scale * sigma_mps * normal(random),
+    )
+}
+
+/// One signal as the receiver measures it.
+fn observe(
+    way: &SignalPath<'_, Scenario>,
+    radio: &Radio,
+    row: &Row,
+    channel: &Channel,
+    label: GpsTime,
+    errors: (f64, f64),
+    random: &mut ChaCha20Rng,
+) -> SignalObservation {
+    let ephemeris = &row.ephemeris;
+    let path = way.path(ephemeris, label, 0.0);
+    let clean_m = way.clean_range_m(ephemeris, channel, label, 0.0);
+    let before_m = way.clean_range_m(ephemeris, channel, label, -STEP_S);
+    let after_m = way.clean_range_m(ephemeris, channel, label, STEP_S);
+    let delay_m = ionosphere_m(radio.ionosphere, &path.ray, label, channel.frequency_hz);
+    let wavelength_m = SPEED_OF_LIGHT_MPS / channel.frequency_hz;
+    let scale = if way.platform.noise_free { 0.0 } else { 1.0 };
+    let phase_m = clean_m - delay_m + scale * PHASE_SIGMA_M * normal(random);
+
+    let mut observation = SignalObservation::new(channel.signal);
+    observation.pseudorange_m = Some(clean_m + delay_m + errors.0);
+    observation.carrier_phase_cycles = Some(phase_m / wavelength_m);
+    observation.range_rate_mps = Some((after_m - before_m) / (2.0 * STEP_S) + errors.1);
+    observation.cn0_dbhz = Some(cn0_dbhz(row.elevation_rad));
+    observation
+}
