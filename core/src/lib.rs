@@ -30,6 +30,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod bank_report;
 pub mod budget;
 pub mod config;
 pub mod consts;

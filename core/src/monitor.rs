@@ -12,6 +12,7 @@
 
 use nalgebra::Vector3;
 
+use crate::bank_report::BankReport;
 use crate::budget::{CycleCounter, Ledger, Stage};
 use crate::config::Config;
 use crate::frames::geodesy;
@@ -386,6 +387,22 @@ impl Monitor {
     /// Ephemerides held.
     pub const fn store(&self) -> &EphemerisStore {
         &self.store
+    }
+
+    /// What the bank of filters said of the last epoch, if it ran: fills `report`.
+    pub fn bank_report(&self, report: &mut BankReport) -> bool {
+        let bank = self.tight.bank();
+        let Some((time, verdict)) = self.tight.bank_verdict() else {
+            return false;
+        };
+        report.fill(
+            *time,
+            verdict,
+            bank.excluded(),
+            bank.n_unmonitored(),
+            bank.separations(),
+        );
+        true
     }
 
     /// Tight mode.

@@ -118,7 +118,7 @@ pub struct TightMonitor {
     sub_filters: SubFilters<CLOCKS, JOINT>,
     rows: Vec<BankRow<JOINT>, MAX_SATELLITES>,
     quantiles: SeparationQuantiles,
-    bank_verdict: Option<BankVerdict>,
+    bank_verdict: Option<(GpsTime, BankVerdict)>,
     /// Attitude when tight mode ended.
     last_attitude: Option<[f64; 4]>,
     /// Counters of the intake at the last epoch.
@@ -160,7 +160,9 @@ impl TightMonitor {
         p_fault_free: f64,
     ) -> Result<(), TightConfigureError> {
         inertial.check().map_err(TightConfigureError::Config)?;
-        self.set_fault_free(p_fault_free)?;
+        if self.reference.is_none() {
+            self.set_fault_free(p_fault_free)?;
+        }
         self.intake.configure(inertial);
         self.alignment.configure(&inertial.start);
         self.last_attitude = None;
@@ -355,7 +357,7 @@ impl TightMonitor {
         if let Some(satellite) = verdict.isolated.filter(|_| reference.exclude) {
             bank.exclude(satellite, main, sub, secondaries);
         }
-        self.bank_verdict = Some(verdict);
+        self.bank_verdict = Some((at.time, verdict));
         let correction = navigator.finish().ok()?;
         bank.rereference(&correction, sub, secondaries);
         Some(summary)
@@ -367,7 +369,7 @@ impl TightMonitor {
     }
 
     /// What the bank said of the last epoch.
-    pub const fn bank_verdict(&self) -> Option<&BankVerdict> {
+    pub const fn bank_verdict(&self) -> Option<&(GpsTime, BankVerdict)> {
         self.bank_verdict.as_ref()
     }
 

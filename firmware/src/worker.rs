@@ -1,10 +1,13 @@
 //! From the ring through the monitor to the output: what the `work` task does.
 
+use crate::board::memory::Memory;
 use crate::board::{self, stack};
 use crate::ring::Ring;
+use surefix_core::bank_report::BankReport;
 use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
 use surefix_core::monitor::{Monitor, Ready};
+use surefix_core::tight::MonitorSecondaries;
 use surefix_core::wire::native::MAX_FRAME;
 use surefix_core::{ingest, report};
 
@@ -14,6 +17,8 @@ const CHUNK: usize = 256;
 /// The monitor with its input and output. Its memory is handed in or static.
 pub struct Worker {
     monitor: &'static mut Monitor,
+    secondaries: Option<&'static mut MonitorSecondaries>,
+    bank: &'static mut BankReport,
     received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
     output: board::Transmitter,
     acknowledge: board::Acknowledge,
@@ -26,18 +31,25 @@ pub struct Worker {
 impl Worker {
     /// Puts the parts together.
     pub fn new(
-        monitor: &'static mut Monitor,
+        memory: Memory,
         received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
         output: board::Transmitter,
         acknowledge: board::Acknowledge,
         cycles: board::Cycles,
     ) -> Self {
+        let Memory {
+            monitor,
+            secondaries,
+            bank,
+        } = memory;
         // In force until a configuration frame comes before the first epoch.
         if monitor.configure(&Config::PRESET).is_err() {
             defmt::error!("the preset is not legal: every epoch will be unavailable");
         }
         Self {
             monitor,
+            secondaries,
+            bank,
             received,
             output,
             acknowledge,
@@ -82,7 +94,14 @@ impl Worker {
 
     #[inline(never)]
     fn epoch(&mut self) {
-        let report = self.monitor.process(&mut self.cycles);
+        let report = self
+            .monitor
+            .process_with(&mut self.cycles, self.secondaries.as_deref_mut());
+        if self.monitor.bank_report(self.bank)
+            && let Ok(length) = self.bank.encode(&mut self.frame)
+        {
+            self.send(length);
+        }
         if let Ok(length) = report::encode(&report, &mut self.frame) {
             self.send(length);
         }

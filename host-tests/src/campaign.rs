@@ -3,6 +3,7 @@
 //! | name | trials |
 //! |---|---|
 //! | `esbc-steps` | steps of [`MAGNITUDES_M`] on a day of recording at [`TIMES_OF_DAY`] times: on each satellite in turn, and on two and three at once, drawn with random signs, as many trials |
+//! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] |
 //!
 //! The recording is decoded once; at each time the monitor assesses the epoch anew for every trial, so
 //! a trial costs one epoch's work. Results of shards are added by `campaign merge`.
@@ -21,6 +22,7 @@ use surefix_core::gnss::{
 use surefix_core::integrity::Integrity;
 use surefix_core::snapshot::{Assessment, SnapshotMonitor};
 
+use crate::consistency::study::{self, Study};
 use crate::source::{Item, Recording};
 use crate::truth::Truth;
 
@@ -129,6 +131,34 @@ impl Cell {
             self.missed_above_level += u64::from(!detected);
         }
     }
+}
+
+/// Trials of `filter-consistency` unless told otherwise.
+const CONSISTENCY_TRIALS: u64 = 200;
+
+/// Result of `filter-consistency`.
+#[derive(Serialize)]
+struct ConsistencyResult {
+    campaign: &'static str,
+    seed: u64,
+    studies: Vec<Study>,
+}
+
+fn filter_consistency(args: &Args) -> Result<()> {
+    if args.shard.is_some() {
+        bail!("filter-consistency has no shards: give runs of different --seed instead");
+    }
+    let studies = study::studies(args.seed, args.trials.unwrap_or(CONSISTENCY_TRIALS))?;
+    print!("{}", study::table(&studies, 0.99));
+    let result = ConsistencyResult {
+        campaign: "filter-consistency",
+        seed: args.seed,
+        studies,
+    };
+    std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
+        .with_context(|| format!("cannot write {}", args.out.display()))?;
+    println!("written: {}", args.out.display());
+    Ok(())
 }
 
 /// Result of a campaign or of a shard of one.
@@ -437,11 +467,12 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
-    /// Most trials per cell, at least 1; without it every satellite at every time of day
+    /// Most trials per cell, at least 1; without it every satellite at every time of day, or 200
+    /// flights
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub trials: Option<u64>,
     /// Seed of everything random
@@ -499,7 +530,13 @@ pub fn run(args: &Args) -> Result<()> {
             }
             steps(&recording, &options)?
         }
-        other => bail!("there is no campaign \"{other}\": take esbc-steps, or merge"),
+        "filter-consistency" => {
+            check_out(&args.out)?;
+            return filter_consistency(args);
+        }
+        other => {
+            bail!("there is no campaign \"{other}\": take esbc-steps, filter-consistency, or merge")
+        }
     };
     std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
         .with_context(|| format!("cannot write {}", args.out.display()))?;

@@ -1,6 +1,7 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
 pub mod campaign;
+pub mod consistency;
 pub mod faults;
 pub mod imu;
 pub mod output;

@@ -12,10 +12,12 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use serde::Serialize;
+use surefix_core::bank_report::BankReport;
 use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
 use surefix_core::monitor::{Monitor, Ready};
-use surefix_core::report::{self, EpochReport, REPORT_FRAME_LENGTH};
+use surefix_core::report::{self, EpochReport};
+use surefix_core::tight::MonitorSecondaries;
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
@@ -43,14 +45,24 @@ pub struct HostExecutor;
 impl Executor for HostExecutor {
     fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut monitor = new_monitor();
-        let mut frame = [0; REPORT_FRAME_LENGTH];
+        let mut secondaries = new_secondaries();
+        let mut bank = Box::new(BankReport::EMPTY);
+        let mut frame = [0; native::MAX_FRAME];
         let mut rest = stream;
         loop {
             let (used, ready) = monitor.push(rest);
             rest = rest.get(used..).unwrap_or_default();
             match ready {
                 Some(Ready::Epoch) => {
-                    let report = monitor.process(&mut NoCounter);
+                    let report = monitor.process_with(&mut NoCounter, Some(&mut secondaries));
+                    if monitor.bank_report(&mut bank) {
+                        match bank.encode(&mut frame) {
+                            Ok(length) => output(&frame[..length]),
+                            Err(native::Full) => {
+                                bail!("the tests of a bank do not fit their frame")
+                            }
+                        }
+                    }
                     match report::encode(&report, &mut frame) {
                         Ok(length) => output(&frame[..length]),
                         Err(native::Full) => bail!("a report does not fit its frame"),
@@ -74,12 +86,19 @@ pub fn new_monitor() -> Box<Monitor> {
     Box::new(Monitor::EMPTY)
 }
 
+/// Secondary filters on the heap.
+pub fn new_secondaries() -> Box<MonitorSecondaries> {
+    Box::new(MonitorSecondaries::EMPTY)
+}
+
 /// Puts a monitor's output together from pieces of any size.
 #[derive(Clone, Debug, Default)]
 pub struct OutputReader {
     pending: Vec<u8>,
     /// Reports, in order.
     pub reports: Vec<EpochReport>,
+    /// What the bank of filters found, in the epochs in which it ran.
+    pub banks: Vec<BankReport>,
     /// What the monitor counted, when it has said so.
     pub counters: Option<Counters>,
     /// Frames that could not be read, and bytes between frames.
@@ -98,6 +117,9 @@ impl OutputReader {
                     let understood = match frame.kind() {
                         Some(Kind::Report) => report::decode(frame.payload())
                             .map(|report| self.reports.push(report))
+                            .is_ok(),
+                        Some(Kind::Bank) => BankReport::decode(frame.payload())
+                            .map(|bank| self.banks.push(bank))
                             .is_ok(),
                         Some(Kind::Counters) => Counters::decode(frame.payload())
                             .map(|counters| self.counters = Some(counters))

@@ -8,6 +8,8 @@
 
 mod skies;
 
+use std::f64::consts::TAU;
+
 use proptest::prelude::*;
 use skies::Random;
 use surefix_core::ekf::filter::PredictWorkspace;
@@ -114,7 +116,7 @@ struct Place {
 impl Place {
     fn random(random: &mut Random) -> Self {
         let sine = 2.0 * random.uniform() - 1.0;
-        let (cosine, longitude) = ((1.0 - sine * sine).sqrt(), 6.28 * random.uniform());
+        let (cosine, longitude) = ((1.0 - sine * sine).sqrt(), TAU * random.uniform());
         let (sl, cl) = longitude.sin_cos();
         let up = [cosine * cl, cosine * sl, sine];
         Self {
@@ -139,7 +141,7 @@ fn rows<const K: usize, const M: usize>(
     for i in 0..satellites {
         let sine = 0.087 + 0.9 * random.uniform();
         let cosine = (1.0 - sine * sine).sqrt();
-        let azimuth = random.uniform() * if narrow { 0.35 } else { 6.28 };
+        let azimuth = random.uniform() * if narrow { 0.35 } else { TAU };
         let range = 2e7 + 1.8e7 * random.uniform();
         let direction: [f64; 3] = std::array::from_fn(|k| {
             sine * place.up[k]
@@ -388,7 +390,7 @@ fn rows_are_those_of_the_reference_model() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(300))]
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever comes: the covariance stays symmetric, no variance grows, none is negative.
     #[test]

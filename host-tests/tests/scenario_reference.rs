@@ -1,9 +1,17 @@
-//! The reference model against the reference results of ../shared/scenarios.
+//! Scenario folders through the reference model and through the monitor: both give the reference results
+//! of ../shared/scenarios, at every epoch before the reference's first exclusion.
+//!
+//! Beside them: the command, the files it writes, what it refuses.
 
 mod common;
 
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use surefix_host_tests::qemu::image;
 use surefix_host_tests::reference;
-use surefix_host_tests::scenario::{ResultFile, Scenario};
+use surefix_host_tests::replay::Machine;
+use surefix_host_tests::scenario::{ResultFile, Scenario, run};
 
 /// Scenarios that must be there.
 const SCENARIOS: [&str; 7] = [
@@ -16,16 +24,20 @@ const SCENARIOS: [&str; 7] = [
     "static_perfect",
 ];
 
-/// Ten to a hundred times what was measured, and far below what the core must keep.
+fn expected(folder: &Path) -> ResultFile {
+    ResultFile::read(&folder.join("reference/result.csv")).unwrap()
+}
+
+/// Ten to a hundred times what was measured, and far below what the monitor must keep.
 #[test]
 fn the_reference_model_gives_the_reference_results() {
     let Some(folder) = common::shared("scenarios") else {
         return;
     };
     for name in SCENARIOS {
-        let scenario = Scenario::read(&folder.join(name)).unwrap();
-        let expected = ResultFile::read(&folder.join(name).join("reference/result.csv")).unwrap();
-        let largest = reference::run(&scenario).compare(&expected).unwrap();
+        let folder = folder.join(name);
+        let result = reference::run(&Scenario::read(&folder).unwrap());
+        let largest = result.compare(&expected(&folder)).unwrap();
         println!("{name}: {largest:?}");
         assert!(largest.position_m < 1e-4, "{name}");
         assert!(largest.velocity_mps < 1e-4, "{name}");
@@ -34,4 +46,198 @@ fn the_reference_model_gives_the_reference_results() {
         assert!(largest.clock_drift_mps < 1e-4, "{name}");
         assert!(largest.hpl0_relative < 1e-5, "{name}");
     }
+}
+
+/// Position and clock to a centimetre (1 mm where everything is perfect), velocity to 2 mm/s, attitude to
+/// 1e-5 rad.
+#[test]
+fn the_monitor_gives_the_reference_results() {
+    let Some(folder) = common::shared("scenarios") else {
+        return;
+    };
+    for name in SCENARIOS {
+        let folder = folder.join(name);
+        let scenario = Scenario::read(&folder).unwrap();
+        let outcome = run::run(&scenario, Machine::Host, &mut |_| {}).unwrap();
+        assert_eq!(outcome.without_solution, 0, "{name}");
+        assert!(outcome.losses.is_empty(), "{name}: {:?}", outcome.losses);
+        assert_eq!(outcome.reports.len(), scenario.epochs.len(), "{name}");
+        let largest = outcome.result.compare(&expected(&folder)).unwrap();
+        println!("{name}: {largest:?}");
+        let limit_m = if name == "static_perfect" { 1e-3 } else { 1e-2 };
+        assert!(largest.position_m <= limit_m, "{name}");
+        assert!(largest.clock_bias_m <= limit_m, "{name}");
+        assert!(largest.velocity_mps <= 2e-3, "{name}");
+        assert!(largest.clock_drift_mps <= 2e-3, "{name}");
+        assert!(largest.attitude_rad <= 1e-5, "{name}");
+        assert!(largest.hpl0_relative <= 1e-4, "{name}");
+    }
+}
+
+/// The emulated Cortex-M7 writes the same bytes.
+#[test]
+fn the_board_writes_the_same_result() {
+    let Some(folder) = common::shared("scenarios/static_perfect") else {
+        return;
+    };
+    if let Some(missing) = image::missing() {
+        eprintln!("SKIPPED: {missing}");
+        return;
+    }
+    let mut scenario = Scenario::read(&folder).unwrap();
+    scenario.epochs.truncate(20);
+    let here = run::run(&scenario, Machine::Host, &mut |_| {}).unwrap();
+    let there = run::run(&scenario, Machine::Qemu, &mut |_| {}).unwrap();
+    assert_eq!(there.without_solution, 0);
+    assert_eq!(here.result.to_text(), there.result.to_text());
+    assert_eq!(here.reports, there.reports);
+}
+
+/// A scenario of three seconds at rest, written by hand.
+fn small_scenario(name: &str) -> PathBuf {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let mut init = String::from("key,value\n");
+    for line in [
+        "t0,0 imu_dt,0.01 pos_x,6378137 pos_y,0 pos_z,0 vel_x,0 vel_y,0 vel_z,0",
+        "q_w,1 q_x,0 q_y,0 q_z,0 bg_x,0 bg_y,0 bg_z,0 ba_x,0 ba_y,0 ba_z,0 clk_b,0 clk_d,0",
+        "std_pos,10 std_vel,0.5 std_att_n,1e-3 std_att_e,1e-3 std_att_d,1e-2",
+        "std_bg,1e-6 std_ba,1e-3 std_clk_b,30 std_clk_d,1 arw,1e-6 vrw,1e-4 bg_rw,0 ba_rw,0",
+        "clk_s_b,0.01 clk_s_d,0.04 clk_beta,0 p_fa,1e-7 p_md,1e-3 p_h0,1e-7 hal,556 val,50",
+        "detect_axes,h exclude,1 hold_s,0 mask_deg,5",
+    ] {
+        init += &(line.replace(' ', "\n") + "\n");
+    }
+    let mut imu = String::from("t_s,dth_x,dth_y,dth_z,dv_x,dv_y,dv_z\n");
+    for k in 1..=300 {
+        imu += &format!("{},0,0,7.292115e-7,0.0978,0,0\n", f64::from(k) / 100.0);
+    }
+    let mut gnss = String::from("t_s,sys,prn,sx,sy,sz,svx,svy,svz,pr,rr,sigma_pr,sigma_rr,el\n");
+    for t_s in 1..=3 {
+        for (satellite, [x, y, z]) in [
+            ("G,3", [2.6e7, 1e6, 0.0]),
+            ("G,12", [2.2e7, 1.2e7, 3e6]),
+            ("C,20", [2.2e7, -1.2e7, 3e6]),
+            ("G,1", [2.2e7, 0.0, 1.3e7]),
+            ("E,7", [2.2e7, 0.0, -1.3e7]),
+        ] {
+            let range = (x - 6_378_137.0_f64).hypot(y).hypot(z);
+            gnss += &format!("{t_s},{satellite},{x},{y},{z},0,0,0,{range},0,1,0.05,0.9\n");
+        }
+    }
+    for (file, text) in [("init.csv", init), ("imu.csv", imu), ("gnss.csv", gnss)] {
+        std::fs::write(folder.join(file), text).unwrap();
+    }
+    folder
+}
+
+fn surefix(arguments: &[&Path]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_surefix"))
+        .arg("scenario")
+        .args(arguments)
+        .output()
+        .unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), message)
+}
+
+#[test]
+fn the_command_writes_one_row_per_epoch() {
+    let folder = small_scenario("scenario-written");
+    let out = folder.join("out");
+    let (code, message) = surefix(&[&folder, Path::new("--out"), &out]);
+    assert_eq!(code, Some(0), "{message}");
+    let text = std::fs::read_to_string(out.join("result.csv")).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next().unwrap(),
+        "t_s,px,py,pz,vx,vy,vz,qw,qx,qy,qz,clk_b,clk_d,hpl,vpl,hpl0,detected,excluded,n_sats,\
+         d_C20,T_C20,d_E07,T_E07,d_G01,T_G01,d_G03,T_G03,d_G12,T_G12"
+    );
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 3);
+    for (row, time) in rows.iter().zip(["1", "2", "3"]) {
+        assert_eq!(row.len(), 29);
+        assert_eq!(row[0], time);
+        assert_eq!(row[13..15], ["0", "0"]);
+        assert_eq!(row[16..19], ["0", "-", "5"]);
+        assert!(row[19..].iter().all(|field| *field == "nan"));
+    }
+    let result = ResultFile::read(&out.join("result.csv")).unwrap();
+    assert_eq!(result.to_text(), text, "numbers read back as they are");
+    let [x, y, z] = result.rows[2].r_eb_e_m;
+    assert!((x - 6_378_137.0).hypot(y).hypot(z) < 1.0);
+}
+
+#[test]
+fn a_folder_that_cannot_be_used_is_refused_with_file_line_and_column() {
+    let refused = |name: &str, file: &str, from: &str, to: &str, words: &[&str]| {
+        let folder = small_scenario(name);
+        let path = folder.join(file);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from));
+        std::fs::write(&path, text.replacen(from, to, 1)).unwrap();
+        let (code, message) = surefix(&[&folder, Path::new("--out"), &folder.join("out")]);
+        assert_eq!(code, Some(2), "{message}");
+        for word in words {
+            assert!(message.contains(word), "{message}");
+        }
+    };
+    refused(
+        "scenario-number",
+        "imu.csv",
+        "0.02,0,0,7",
+        "0.02,0,x,7",
+        &["imu.csv, line 3, column dth_y", "\"x\" is not a number"],
+    );
+    refused(
+        "scenario-order",
+        "imu.csv",
+        "\n0.05,",
+        "\n0.03,",
+        &["imu.csv, line 6, column t_s", "does not come after"],
+    );
+    refused(
+        "scenario-column",
+        "gnss.csv",
+        "sigma_rr",
+        "sigma",
+        &["gnss.csv", "no column sigma_rr"],
+    );
+    refused(
+        "scenario-satellite",
+        "gnss.csv",
+        "1,G,12",
+        "1,G,33",
+        &["gnss.csv, line 3, column prn", "1 to 32"],
+    );
+    refused(
+        "scenario-twice",
+        "gnss.csv",
+        "1,G,12",
+        "1,G,3",
+        &["gnss.csv, line 3", "G03 occurs twice at 1 s"],
+    );
+    refused(
+        "scenario-key",
+        "init.csv",
+        "std_vel,0.5\n",
+        "",
+        &["init.csv", "no line for std_vel"],
+    );
+    refused(
+        "scenario-value",
+        "init.csv",
+        "p_fa,1e-7",
+        "p_fa,2",
+        &["init.csv, line", "p_fa", "between 0 and 1"],
+    );
+    let missing = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scenario-missing");
+    let (code, message) = surefix(&[&missing, Path::new("--out"), &missing]);
+    assert_eq!(code, Some(2));
+    assert!(
+        message.contains("is no directory: give a scenario folder"),
+        "{message}"
+    );
 }

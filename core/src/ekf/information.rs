@@ -6,7 +6,7 @@
 //!
 //! | symbol | code       | shape | meaning                                                     |
 //! |--------|------------|-------|-------------------------------------------------------------|
-//! | Λ      | matrix     | M × M | upper triangle                                              |
+//! | Λ      | matrix     | M × M | lower triangle                                              |
 //! | y      | vector     | M     |                                                             |
 //! | z      | innovation | 1     | predicted − measured, m or m/s                              |
 //! | h      | design     | M     | derivative of the measurement by the states                 |
@@ -117,7 +117,9 @@ impl<const M: usize> MeasurementRow<M> {
 /// What an epoch says about the joint block of position, velocity and clocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpochInformation<const M: usize> {
+    /// Λ, its lower triangle by rows.
     pub(super) matrix: [[f64; M]; M],
+    /// y.
     pub(super) vector: [f64; M],
     /// zᵀ R⁻¹ z.
     pub(super) weighted_square: f64,
@@ -153,7 +155,7 @@ impl<const M: usize> EpochInformation<M> {
     fn add_scalar(&mut self, design: &[f64; M], innovation: f64, weight: f64) {
         for i in 0..M {
             let weighted = weight * design[i];
-            for j in i..M {
+            for j in 0..=i {
                 self.matrix[i][j] += weighted * design[j];
             }
             self.vector[i] += weighted * innovation;
@@ -166,7 +168,7 @@ impl<const M: usize> EpochInformation<M> {
     #[inline(never)]
     pub fn add(&mut self, other: &Self) {
         for i in 0..M {
-            for j in i..M {
+            for j in 0..=i {
                 self.matrix[i][j] += other.matrix[i][j];
             }
             self.vector[i] += other.vector[i];

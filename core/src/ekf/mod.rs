@@ -12,6 +12,7 @@
 mod dense;
 pub mod filter;
 pub mod information;
+mod joint;
 pub mod layout;
 pub mod navigator;
 pub mod process;

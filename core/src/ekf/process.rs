@@ -74,7 +74,7 @@ impl LeverState {
 
     /// T: from the error of the unit to that of the antenna. The inverse has the signs of its
     /// off-diagonal blocks turned.
-    fn to_antenna(&self) -> NavigationTransition {
+    fn antenna_from_unit(&self) -> NavigationTransition {
         let mut t = NavigationTransition::IDENTITY;
         add_scaled(&mut t.position[ATTITUDE], -1.0, &skew(self.arm_e_m));
         add_scaled(&mut t.velocity[ATTITUDE], -1.0, &skew(self.arm_rate_e_mps));
@@ -325,7 +325,7 @@ impl ProcessAccumulator {
     /// T₁ Φ T₀⁻¹ and T₁ Q T₁ᵀ.
     #[inline(never)]
     fn move_to_antenna(&mut self, lever: &LeverState) {
-        let t = lever.to_antenna();
+        let t = lever.antenna_from_unit();
         propagate(
             &mut self.transition.noise,
             &t,
@@ -347,7 +347,7 @@ impl ProcessAccumulator {
         );
         add_product(&mut phi.velocity[GYRO_BIAS], &t.velocity[ATTITUDE], &gyro);
         add_scaled(&mut phi.velocity[GYRO_BIAS], 1.0, &t.velocity[GYRO_BIAS]);
-        let before = self.lever.to_antenna();
+        let before = self.lever.antenna_from_unit();
         for row in [&mut phi.position, &mut phi.velocity] {
             let [position, velocity, ..] = *row;
             let mut inverse = ZERO;

@@ -3,18 +3,16 @@
 //! In: [`EpochInformation`]. Out: the filter's state and covariance after it, and what it says of the
 //! innovations.
 //!
-//! Λ = Σ_q e_q u_q u_qᵀ is factored from the last pivot (u_q has entries 0..=q, the last is 1), y likewise
-//! into Σ_q u_q η_q: M independent scalar measurements of u_qᵀx with information e_q. Where rank is
-//! missing a pivot is zero and its measurement says nothing. They are taken one after the other on the
-//! joint block G of the covariance,
+//! The scalar measurements are found and taken one after the other on the joint block of the covariance
+//! (`joint.rs`), which gives of each a combination z_q, a precision 1/s_q and an innovation ν_q; and then
+//! once on everything else:
 //!
 //! ```text
-//! v_q = P_q u_q = P z_q,   z_q = u_q − Σ_{p<q} z_p (v_pᵀ u_q)/s_p,   1/s_q = e_q / (1 + e_q u_qᵀ v_q)
+//! v_q = P z_q,   P ← P − Σ_q v_q v_qᵀ / s_q,   x ← x + Σ_q v_q ν_q / s_q
 //! ```
 //!
-//! and then once on everything else: P ← P − Σ_q v_q v_qᵀ / s_q, x ← x + Σ_q v_q ν_q / s_q. No square
-//! root, no inverse, no branch on rank in the second half. Derivation and the comparison with other
-//! forms: docs/decisions/005-tight-filter.md. Equations replaced: [P0] (11)-(13). Cost: about 7,000
+//! No square root, no inverse, no branch on rank. Derivation and the comparison with other forms:
+//! docs/decisions/005-tight-filter.md. Equations replaced: [P0] (11)-(13). Cost: about 6,000
 //! instructions on a Cortex-M7 with M = 8.
 
 #![expect(
@@ -24,12 +22,11 @@
 
 use super::filter::Filter;
 use super::information::EpochInformation;
-use super::layout::{BLOCKS, JOINT_NAVIGATION, POSITION, VELOCITY, pair};
+use super::joint::{JointWorkspace, Scalar};
+use super::layout::{
+    BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION, POSITION, VELOCITY, pair,
+};
 use crate::linalg::block3::{Block, Symmetric, full};
-
-/// A pivot below this part of its diagonal entry is rounding: M sums of products of f64 carry about
-/// 1e-15 of it.
-const RANK_TOLERANCE: f64 = 1.0e-13;
 
 /// Vectors of one block of states, one per scalar measurement.
 type BlockVectors<const M: usize> = [[f64; 3]; M];
@@ -37,41 +34,22 @@ type BlockVectors<const M: usize> = [[f64; 3]; M];
 /// What an update needs besides the filter; owned by the caller and shared by all filters.
 #[derive(Clone, Debug)]
 pub struct UpdateWorkspace<const K: usize, const M: usize> {
-    /// Λ, then its factor: column q holds u_q.
-    factor: [[f64; M]; M],
-    /// e_q.
-    information: [f64; M],
-    /// e_q times the scalar measurement, later ν_q/s_q.
-    weighted: [f64; M],
-    /// G by rows.
-    joint: [[f64; M]; M],
-    /// z_q by rows.
-    combination: [[f64; M]; M],
-    /// v_q by rows, on the joint block.
-    direction: [[f64; M]; M],
-    /// 1/s_q.
-    precision: [f64; M],
-    /// v_q of each block of states.
-    vectors: [BlockVectors<M>; BLOCKS],
+    joint: JointWorkspace<K, M>,
+    /// v_q of the blocks of states behind the joint block.
+    vectors: [BlockVectors<M>; BLOCKS - 2],
     /// v_q/s_q of each block of states.
     gains: [BlockVectors<M>; BLOCKS],
-    /// v_q/s_q of each clock state.
-    clock_gains: [[f64; M]; K],
+    /// v_q/s_q of the clock states.
+    clock_gains: [[f64; K]; M],
 }
 
 impl<const K: usize, const M: usize> UpdateWorkspace<K, M> {
     /// Ready.
     pub const EMPTY: Self = Self {
-        factor: [[0.0; M]; M],
-        information: [0.0; M],
-        weighted: [0.0; M],
-        joint: [[0.0; M]; M],
-        combination: [[0.0; M]; M],
-        direction: [[0.0; M]; M],
-        precision: [0.0; M],
-        vectors: [[[0.0; 3]; M]; BLOCKS],
+        joint: JointWorkspace::EMPTY,
+        vectors: [[[0.0; 3]; M]; BLOCKS - 2],
         gains: [[[0.0; 3]; M]; BLOCKS],
-        clock_gains: [[0.0; M]; K],
+        clock_gains: [[0.0; K]; M],
     };
 }
 
@@ -93,221 +71,118 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         information: &EpochInformation<M>,
         workspace: &mut UpdateWorkspace<K, M>,
     ) -> UpdateSummary {
-        let explained = factorise(information, workspace);
-        self.joint_block(&mut workspace.joint);
-        let joint_state = self.joint_state();
-        let taken = combine(workspace, joint_state);
+        self.fill_joint(&mut workspace.joint);
+        let nis = workspace.joint.take(information);
+        for (block, vectors) in (VELOCITY + 1..BLOCKS).zip(&mut workspace.vectors) {
+            block_vectors(
+                &self.covariance.off_diagonal[pair(POSITION, block)],
+                &self.covariance.off_diagonal[pair(VELOCITY, block)],
+                &self.cross[block],
+                &workspace.joint.combination,
+                vectors,
+            );
+        }
+        self.downdate_clocks(workspace);
         self.downdate(workspace);
-        let unexplained = information.weighted_square - explained;
         UpdateSummary {
-            nis: taken + if unexplained > 0.0 { unexplained } else { 0.0 },
+            nis,
             rows: information.rows,
         }
     }
 
-    /// G: the covariance of position, velocity and clocks.
+    /// Covariance and state of position, velocity and clocks.
     #[inline(never)]
-    fn joint_block(&self, joint: &mut [[f64; M]; M]) {
+    fn fill_joint(&self, joint: &mut JointWorkspace<K, M>) {
         let position = full(&self.covariance.diagonal[POSITION]);
         let velocity = full(&self.covariance.diagonal[VELOCITY]);
         let both = &self.covariance.off_diagonal[pair(POSITION, VELOCITY)];
+        let (covariance, state) = (&mut joint.covariance, &mut joint.state);
         for i in 0..3 {
             for j in 0..3 {
-                joint[i][j] = position[3 * i + j];
-                joint[i][3 + j] = both[3 * i + j];
-                joint[3 + j][i] = both[3 * i + j];
-                joint[3 + i][3 + j] = velocity[3 * i + j];
+                covariance[i][j] = position[3 * i + j];
+                covariance[i][3 + j] = both[3 * i + j];
+                covariance[3 + j][i] = both[3 * i + j];
+                covariance[3 + i][3 + j] = velocity[3 * i + j];
             }
             for k in 0..K {
-                joint[i][JOINT_NAVIGATION + k] = self.cross[POSITION][k][i];
-                joint[JOINT_NAVIGATION + k][i] = self.cross[POSITION][k][i];
-                joint[3 + i][JOINT_NAVIGATION + k] = self.cross[VELOCITY][k][i];
-                joint[JOINT_NAVIGATION + k][3 + i] = self.cross[VELOCITY][k][i];
+                covariance[i][JOINT_NAVIGATION + k] = self.cross[POSITION][k][i];
+                covariance[JOINT_NAVIGATION + k][i] = self.cross[POSITION][k][i];
+                covariance[3 + i][JOINT_NAVIGATION + k] = self.cross[VELOCITY][k][i];
+                covariance[JOINT_NAVIGATION + k][3 + i] = self.cross[VELOCITY][k][i];
             }
-        }
-        for k in 0..K {
-            for l in 0..K {
-                joint[JOINT_NAVIGATION + k][JOINT_NAVIGATION + l] = self.clock[k][l];
-            }
-        }
-    }
-
-    fn joint_state(&self) -> [f64; M] {
-        let mut state = [0.0; M];
-        for i in 0..3 {
             state[i] = self.state.navigation[POSITION][i];
             state[3 + i] = self.state.navigation[VELOCITY][i];
         }
         for k in 0..K {
+            for l in 0..K {
+                covariance[JOINT_NAVIGATION + k][JOINT_NAVIGATION + l] = self.clock[k][l];
+            }
             state[JOINT_NAVIGATION + k] = self.state.clock[k];
         }
-        state
     }
 
-    /// P ← P − Σ v_q v_qᵀ / s_q, x ← x + Σ v_q ν_q / s_q.
+    /// The update of the clock states, and what the other blocks need of it.
+    #[inline(never)]
+    fn downdate_clocks(&mut self, workspace: &mut UpdateWorkspace<K, M>) {
+        let UpdateWorkspace {
+            joint, clock_gains, ..
+        } = workspace;
+        let measurements = joint.directions.clock.iter().zip(&joint.scalar);
+        for ((v, scalar), gains) in measurements.zip(clock_gains) {
+            for k in 0..K {
+                gains[k] = v[k] * scalar.precision;
+                self.state.clock[k] += v[k] * scalar.step;
+            }
+            for k in 0..K {
+                for l in 0..=k {
+                    self.clock[k][l] -= v[k] * gains[l];
+                }
+            }
+        }
+        for k in 0..K {
+            for l in 0..k {
+                self.clock[l][k] = self.clock[k][l];
+            }
+        }
+    }
+
+    /// P ← P − Σ v_q v_qᵀ / s_q, x ← x + Σ v_q ν_q / s_q of all blocks of states.
     #[inline(never)]
     fn downdate(&mut self, workspace: &mut UpdateWorkspace<K, M>) {
         let UpdateWorkspace {
-            combination,
-            direction,
-            precision,
-            weighted,
+            joint,
             vectors,
             gains,
             clock_gains,
-            ..
         } = workspace;
-        for block in 0..BLOCKS {
-            if block <= VELOCITY {
-                for q in 0..M {
-                    for i in 0..3 {
-                        vectors[block][q][i] = direction[q][3 * block + i];
-                    }
+        let directions = &joint.directions;
+        let [attitude, gyro, accel] = vectors;
+        let vectors = [
+            &directions.position,
+            &directions.velocity,
+            attitude,
+            gyro,
+            accel,
+        ];
+        for (block, vectors) in vectors.into_iter().enumerate() {
+            subtract_symmetric(
+                &mut self.covariance.diagonal[block],
+                vectors,
+                &joint.scalar,
+                &mut gains[block],
+            );
+            let (columns, state) = (&mut self.cross[block], &mut self.state.navigation[block]);
+            subtract_columns(columns, state, vectors, clock_gains, &joint.scalar);
+        }
+        let mut off_diagonal = self.covariance.off_diagonal.iter_mut();
+        for (row, vectors) in vectors.into_iter().enumerate() {
+            for gains in &gains[row + 1..] {
+                if let Some(block) = off_diagonal.next() {
+                    subtract(block, vectors, gains);
                 }
-            } else {
-                block_vectors(
-                    &self.covariance.off_diagonal[pair(POSITION, block)],
-                    &self.covariance.off_diagonal[pair(VELOCITY, block)],
-                    &self.cross[block],
-                    combination,
-                    &mut vectors[block],
-                );
-            }
-            scale(&vectors[block], precision, &mut gains[block]);
-            add_weighted(&vectors[block], weighted, &mut self.state.navigation[block]);
-        }
-        for k in 0..K {
-            for q in 0..M {
-                let v = direction[q][JOINT_NAVIGATION + k];
-                clock_gains[k][q] = v * precision[q];
-                self.state.clock[k] += v * weighted[q];
-            }
-        }
-        for a in 0..BLOCKS {
-            subtract_symmetric(&mut self.covariance.diagonal[a], &vectors[a], &gains[a]);
-            for b in a + 1..BLOCKS {
-                subtract(
-                    &mut self.covariance.off_diagonal[pair(a, b)],
-                    &vectors[a],
-                    &gains[b],
-                );
-            }
-            for (column, gain) in self.cross[a].iter_mut().zip(clock_gains.iter()) {
-                subtract_column(column, &vectors[a], gain);
-            }
-        }
-        for k in 0..K {
-            for l in k..K {
-                let mut sum = self.clock[k][l];
-                for q in 0..M {
-                    sum -= direction[q][JOINT_NAVIGATION + k] * clock_gains[l][q];
-                }
-                self.clock[k][l] = sum;
-                self.clock[l][k] = sum;
             }
         }
     }
-}
-
-/// Factors Λ and y into scalar measurements; returns how much of zᵀ R⁻¹ z they explain.
-#[inline(never)]
-fn factorise<const K: usize, const M: usize>(
-    information: &EpochInformation<M>,
-    workspace: &mut UpdateWorkspace<K, M>,
-) -> f64 {
-    let UpdateWorkspace {
-        factor,
-        information: pivots,
-        weighted,
-        ..
-    } = workspace;
-    *factor = information.matrix;
-    *weighted = information.vector;
-    let mut explained = 0.0;
-    for q in (0..M).rev() {
-        let pivot = factor[q][q];
-        factor[q][q] = 1.0;
-        if !(pivot > RANK_TOLERANCE * information.matrix[q][q]) {
-            pivots[q] = 0.0;
-            weighted[q] = 0.0;
-            continue;
-        }
-        pivots[q] = pivot;
-        let inverse = 1.0 / pivot;
-        explained += weighted[q] * weighted[q] * inverse;
-        for p in 0..q {
-            let u = factor[p][q] * inverse;
-            for s in 0..=p {
-                factor[s][p] -= u * factor[s][q];
-            }
-            weighted[p] -= u * weighted[q];
-        }
-        for p in 0..q {
-            factor[p][q] *= inverse;
-        }
-    }
-    explained
-}
-
-/// Takes the scalar measurements on the joint block: fills z_q, v_q, 1/s_q, ν_q/s_q. Returns
-/// Σ ν_q² / s_q.
-#[inline(never)]
-fn combine<const K: usize, const M: usize>(
-    workspace: &mut UpdateWorkspace<K, M>,
-    mut state: [f64; M],
-) -> f64 {
-    let UpdateWorkspace {
-        factor,
-        information,
-        weighted,
-        joint,
-        combination,
-        direction,
-        precision,
-        ..
-    } = workspace;
-    let mut taken = 0.0;
-    for q in 0..M {
-        let mut z = [0.0; M];
-        for p in 0..=q {
-            z[p] = factor[p][q];
-        }
-        for p in 0..q {
-            let mut along = 0.0;
-            for s in 0..=q {
-                along += direction[p][s] * factor[s][q];
-            }
-            let part = along * precision[p];
-            for s in 0..=p {
-                z[s] -= part * combination[p][s];
-            }
-        }
-        let mut v = [0.0; M];
-        for p in 0..=q {
-            for s in 0..M {
-                v[s] += joint[p][s] * z[p];
-            }
-        }
-        let mut variance = 0.0;
-        let mut predicted = 0.0;
-        for s in 0..=q {
-            variance += factor[s][q] * v[s];
-            predicted += factor[s][q] * state[s];
-        }
-        let scale = 1.0 / (1.0 + information[q] * variance);
-        let innovation = weighted[q] - information[q] * predicted;
-        precision[q] = information[q] * scale;
-        weighted[q] = innovation * scale;
-        if information[q] > 0.0 {
-            taken += innovation * weighted[q] / information[q];
-        }
-        for s in 0..M {
-            state[s] += v[s] * weighted[q];
-        }
-        combination[q] = z;
-        direction[q] = v;
-    }
-    taken
 }
 
 /// v_q of a block of states that no measurement touches itself.
@@ -319,59 +194,78 @@ fn block_vectors<const K: usize, const M: usize>(
     combination: &[[f64; M]; M],
     vectors: &mut BlockVectors<M>,
 ) {
-    for (q, vector) in vectors.iter_mut().enumerate() {
-        let z = &combination[q];
-        let mut sum = [0.0; 3];
-        for p in 0..3 {
-            for i in 0..3 {
-                // The blocks are stored with the measured state first.
-                sum[i] += position[3 * p + i] * z[p];
-            }
+    // The blocks are stored with the measured state first.
+    let column = |s: usize| match s {
+        0..3 => [position[3 * s], position[3 * s + 1], position[3 * s + 2]],
+        3..JOINT_NAVIGATION => {
+            let at = 3 * (s - 3);
+            [velocity[at], velocity[at + 1], velocity[at + 2]]
         }
-        if q >= 3 {
-            for p in 0..3 {
-                for i in 0..3 {
-                    sum[i] += velocity[3 * p + i] * z[3 + p];
+        _ => clocks[s - JOINT_NAVIGATION],
+    };
+    vectors_from::<0, M>(column, combination, vectors);
+    vectors_from::<3, M>(column, combination, vectors);
+    vectors_from::<6, M>(column, combination, vectors);
+    vectors_from::<9, M>(column, combination, vectors);
+}
+
+/// v_q of three measurements, so that each column of the covariance is read once for all three.
+#[inline(always)]
+fn vectors_from<const FIRST: usize, const M: usize>(
+    column: impl Fn(usize) -> [f64; 3],
+    combination: &[[f64; M]; M],
+    vectors: &mut BlockVectors<M>,
+) {
+    if FIRST >= M {
+        return;
+    }
+    let mut sums = [[0.0; 3]; 3];
+    for j in 0..3 {
+        if FIRST + j < M {
+            sums[j] = column(FIRST + j);
+        }
+    }
+    for s in 0..FIRST + 2 {
+        if s < M {
+            let column = column(s);
+            for j in 0..3 {
+                let q = FIRST + j;
+                if s < q && q < M {
+                    for i in 0..3 {
+                        sums[j][i] += column[i] * combination[q][s];
+                    }
                 }
             }
         }
-        if q >= JOINT_NAVIGATION {
-            for k in 0..K {
-                for i in 0..3 {
-                    sum[i] += clocks[k][i] * z[JOINT_NAVIGATION + k];
-                }
-            }
+    }
+    for j in 0..3 {
+        if FIRST + j < M {
+            vectors[FIRST + j] = sums[j];
         }
-        *vector = sum;
     }
 }
 
+/// `p -= Σ v_q v_qᵀ / s_q`; fills the gains v_q/s_q on the way.
 #[inline(never)]
-fn scale<const M: usize>(
+fn subtract_symmetric<const M: usize>(
+    p: &mut Symmetric,
     vectors: &BlockVectors<M>,
-    precision: &[f64; M],
+    scalar: &[Scalar; M],
     gains: &mut BlockVectors<M>,
 ) {
-    for ((gain, vector), precision) in gains.iter_mut().zip(vectors).zip(precision) {
-        for (gain, entry) in gain.iter_mut().zip(vector) {
-            *gain = entry * precision;
-        }
+    let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = *p;
+    for (([x, y, z], scalar), gain) in vectors.iter().zip(scalar).zip(gains) {
+        let precision = scalar.precision;
+        let (gx, gy, gz) = (x * precision, y * precision, z * precision);
+        xx -= x * gx;
+        xy -= x * gy;
+        xz -= x * gz;
+        yy -= y * gy;
+        yz -= y * gz;
+        zz -= z * gz;
+        *gain = [gx, gy, gz];
     }
-}
-
-#[inline(never)]
-fn add_weighted<const M: usize>(
-    vectors: &BlockVectors<M>,
-    weighted: &[f64; M],
-    state: &mut [f64; 3],
-) {
-    let mut sum = *state;
-    for (vector, weight) in vectors.iter().zip(weighted) {
-        for i in 0..3 {
-            sum[i] += vector[i] * weight;
-        }
-    }
-    *state = sum;
+    *p = [xx, xy, xz, yy, yz, zz];
 }
 
 /// `p -= Σ v_q g_qᵀ`.
@@ -388,37 +282,35 @@ fn subtract<const M: usize>(p: &mut Block, vectors: &BlockVectors<M>, gains: &Bl
     *p = sum;
 }
 
+/// The same of the covariance with the clock states, and the state's own step.
 #[inline(never)]
-fn subtract_symmetric<const M: usize>(
-    p: &mut Symmetric,
+fn subtract_columns<const K: usize, const M: usize>(
+    columns: &mut [[f64; 3]; K],
+    state: &mut [f64; 3],
     vectors: &BlockVectors<M>,
-    gains: &BlockVectors<M>,
+    gains: &[[f64; K]; M],
+    scalar: &[Scalar; M],
 ) {
-    let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = *p;
-    for ([x, y, z], [gx, gy, gz]) in vectors.iter().zip(gains) {
-        xx -= x * gx;
-        xy -= x * gy;
-        xz -= x * gz;
-        yy -= y * gy;
-        yz -= y * gz;
-        zz -= z * gz;
-    }
-    *p = [xx, xy, xz, yy, yz, zz];
-}
-
-#[inline(never)]
-fn subtract_column<const M: usize>(
-    column: &mut [f64; 3],
-    vectors: &BlockVectors<M>,
-    gain: &[f64; M],
-) {
-    let mut sum = *column;
-    for (vector, gain) in vectors.iter().zip(gain) {
+    let (mut bias, mut drift) = (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]);
+    let mut moved = *state;
+    for ((v, gain), scalar) in vectors.iter().zip(gains).zip(scalar) {
         for i in 0..3 {
-            sum[i] -= vector[i] * gain;
+            bias[i] -= v[i] * gain[CLOCK_BIAS];
+            drift[i] -= v[i] * gain[CLOCK_DRIFT];
+            moved[i] += v[i] * scalar.step;
         }
     }
-    *column = sum;
+    *state = moved;
+    (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]) = (bias, drift);
+    for k in FIRST_OFFSET..K {
+        let mut offset = columns[k];
+        for (v, gain) in vectors.iter().zip(gains) {
+            for i in 0..3 {
+                offset[i] -= v[i] * gain[k];
+            }
+        }
+        columns[k] = offset;
+    }
 }
 
 #[cfg(test)]

@@ -394,7 +394,7 @@ impl Assembler {
             Some(Kind::ReferenceModel) => Outcome::UsedGives(Event::ReferenceModel(
                 decode_reference_model(frame.payload())?,
             )),
-            Some(Kind::Report | Kind::Counters | Kind::OutputInvalid) | None => {
+            Some(Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank) | None => {
                 count(&mut counters.native_unknown_kind);
                 Outcome::Used
             }

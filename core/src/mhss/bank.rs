@@ -453,7 +453,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                             threshold_m: spread.sigma_m.map(|sigma| sigma * k_isolation),
                             uncertainty_m: [0.0; 2],
                         };
-                        !second.fails(0) && !(vertical && second.fails(1))
+                        !(second.fails(0) || vertical && second.fails(1))
                     })
                 });
             if !is_quiet {

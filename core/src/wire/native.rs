@@ -64,6 +64,8 @@ pub enum Kind {
     Counters = 17,
     /// The sender has failed and withdraws its output: nothing it sent may be used any longer; empty.
     OutputInvalid = 18,
+    /// The tests of the bank of filters at an epoch, before its report.
+    Bank = 19,
 }
 
 impl Kind {
@@ -83,6 +85,7 @@ impl Kind {
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,
+            19 => Self::Bank,
             _ => return None,
         })
     }

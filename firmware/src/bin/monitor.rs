@@ -16,7 +16,7 @@ fn main() {}
 #[cfg(target_os = "none")]
 #[rtic::app(device = surefix_firmware::board, peripherals = false)]
 mod app {
-    use surefix_firmware::board::memory::{MONITOR, RECEIVED};
+    use surefix_firmware::board::memory::{Memory, RECEIVED};
     use surefix_firmware::board::{self, Interrupt, Ports, log};
     use surefix_firmware::fault;
     use surefix_firmware::worker::Worker;
@@ -39,11 +39,11 @@ mod app {
             cycles,
         } = board::start();
         defmt::info!("surefix {=str}", env!("CARGO_PKG_VERSION"));
-        // `init` runs once, so the monitor is there.
-        let Some(monitor) = MONITOR.try_take() else {
+        // `init` runs once, so the memory is there.
+        let Some(memory) = Memory::take() else {
             fault::withdraw_output_and_reset()
         };
-        let worker = Worker::new(monitor, &RECEIVED, output, acknowledge, cycles);
+        let worker = Worker::new(memory, &RECEIVED, output, acknowledge, cycles);
         (Shared {}, Local { receiver, worker })
     }
 

@@ -2,7 +2,9 @@
 
 use crate::ring::Ring;
 use static_cell::ConstStaticCell;
+use surefix_core::bank_report::BankReport;
 use surefix_core::monitor::Monitor;
+use surefix_core::tight::MonitorSecondaries;
 
 /// Receiver bytes the ring holds: 178 ms at 921,600 baud.
 pub const RECEIVED_CAPACITY: usize = 16384;
@@ -13,4 +15,36 @@ pub static RECEIVED: Ring<RECEIVED_CAPACITY> = Ring::empty();
 /// All state of surefix; one task takes it.
 // SAFETY: the section is a data section that the board fills before `main` (h743/start.rs).
 #[cfg_attr(feature = "board-h743", unsafe(link_section = ".axisram"))]
-pub static MONITOR: ConstStaticCell<Monitor> = ConstStaticCell::new(Monitor::EMPTY);
+static MONITOR: ConstStaticCell<Monitor> = ConstStaticCell::new(Monitor::EMPTY);
+
+/// What the bank found at an epoch, on its way out.
+static BANK: ConstStaticCell<BankReport> = ConstStaticCell::new(BankReport::EMPTY);
+
+/// The secondary filters.
+#[cfg(feature = "board-mps2")]
+static SECONDARIES: ConstStaticCell<MonitorSecondaries> =
+    ConstStaticCell::new(MonitorSecondaries::EMPTY);
+
+/// The memory that one task takes.
+pub struct Memory {
+    /// All state of surefix but the secondary filters.
+    pub monitor: &'static mut Monitor,
+    /// The secondary filters, on a board that has room for them.
+    pub secondaries: Option<&'static mut MonitorSecondaries>,
+    /// What the bank found at an epoch.
+    pub bank: &'static mut BankReport,
+}
+
+impl Memory {
+    /// Everything; `None` when it was taken before.
+    pub fn take() -> Option<Self> {
+        Some(Self {
+            monitor: MONITOR.try_take()?,
+            #[cfg(feature = "board-mps2")]
+            secondaries: SECONDARIES.try_take(),
+            #[cfg(not(feature = "board-mps2"))]
+            secondaries: None,
+            bank: BANK.try_take()?,
+        })
+    }
+}

@@ -266,3 +266,48 @@ fn write_number(text: &mut String, number: f64) {
         let _ = write!(text, ",{number}");
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(rows: &str) -> ResultFile {
+        let text = format!("{COLUMNS},d_G01,T_G01,hpl_ff\n{rows}");
+        let table = Table::from_text(Path::new("result.csv"), text).unwrap();
+        ResultFile::from_table(&table).unwrap()
+    }
+
+    fn row(t_s: u32, x: &str, excluded: &str) -> String {
+        format!("{t_s},{x},0,0,0,0,0,1,0,0,0,5,0,0,0,2,0,{excluded},6,nan,nan,8\n")
+    }
+
+    #[test]
+    fn a_comparison_ends_at_the_first_exclusion_of_the_other() {
+        let ours = file(&(row(1, "1", "-") + &row(2, "2.5", "-") + &row(3, "9", "-")));
+        let other = file(&(row(1, "1", "-") + &row(2, "2", "-") + &row(3, "3", "G07+C01")));
+        let largest = ours.compare(&other).unwrap();
+        assert_eq!((largest.epochs, largest.position_m), (2, 0.5));
+        assert_eq!(other.rows[2].excluded, ["G07", "C01"]);
+    }
+
+    #[test]
+    fn what_is_missing_is_no_agreement() {
+        let expected = file(&(row(1, "1", "-") + &row(2, "2", "-")));
+        let short = file(&row(1, "1", "-"));
+        assert!(short.compare(&expected).is_err());
+        let none = file(&(row(1, "nan", "-") + &row(2, "2", "-")));
+        let largest = none.compare(&expected).unwrap();
+        assert_eq!(largest.position_m, f64::INFINITY);
+        let excluded = file(&row(1, "1", "G07"));
+        assert!(short.compare(&excluded).is_err());
+    }
+
+    #[test]
+    fn small_angles_and_the_other_sign_of_a_quaternion_are_seen_rightly() {
+        let expected = file(&row(1, "1", "-")).rows.remove(0);
+        let mut turned = expected.clone();
+        turned.q_e_b = [-1.0, 0.0, -5e-9, 0.0];
+        let angle = turned.differences(&expected).attitude_rad;
+        assert!((angle - 1e-8).abs() < 1e-16, "{angle}");
+    }
+}

@@ -9,6 +9,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use surefix_core::bank_report::BankReport;
 use surefix_core::config::Config;
 use surefix_core::consts::MAX_SATELLITES;
 use surefix_core::gnss::{CorrectedEpoch, CorrectedMeasurement};
@@ -39,9 +40,8 @@ const NO_LIMIT: f64 = 1e6;
 
 /// Runs a scenario folder through the monitor and writes result.csv
 ///
-/// One row per epoch of gnss.csv. Until the bank of sub-filters is there the rows are those of a bank
-/// without filters: hpl, vpl and detected are 0, excluded is -, every d_ and T_ is nan, and n_sats
-/// counts the satellites of the epoch.
+/// One row per epoch of gnss.csv: position, velocity, attitude and clock of the main filter, statistic
+/// and threshold of every sub-filter, levels, and the satellites excluded.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
     /// Scenario folder: imu.csv, gnss.csv and init.csv
@@ -210,7 +210,29 @@ pub fn stream(scenario: &Scenario) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn result_row(epoch: &GnssEpoch, report: Option<&EpochReport>, satellites: usize) -> ResultRow {
+/// Statistic and threshold of each satellite, NaN where it is not in the bank.
+fn tests(bank: Option<&BankReport>, satellites: &[String]) -> Vec<[f64; 2]> {
+    let of = |name: &String| {
+        let test = bank?
+            .tests
+            .iter()
+            .find(|test| test.satellite.to_string() == *name)?;
+        let ([statistic_m, _], [threshold_m, _]) = (test.statistic_m, test.threshold_m);
+        Some([statistic_m, threshold_m])
+    };
+    satellites
+        .iter()
+        .map(|name| of(name).unwrap_or([f64::NAN; 2]))
+        .collect()
+}
+
+fn result_row(
+    epoch: &GnssEpoch,
+    report: Option<&EpochReport>,
+    bank: Option<&BankReport>,
+    excluded: &[String],
+    satellites: &[String],
+) -> ResultRow {
     let solution = report.and_then(|report| Some((report.fix?, report.navigation?)));
     let three = [f64::NAN; 3];
     let (r, v, q, clock, level) = match solution {
@@ -229,13 +251,13 @@ fn result_row(epoch: &GnssEpoch, report: Option<&EpochReport>, satellites: usize
         v_eb_e_mps: v,
         q_e_b: q,
         clock,
-        hpl_m: 0.0,
-        vpl_m: 0.0,
+        hpl_m: bank.map_or(0.0, |bank| bank.level_m[0].unwrap_or(f64::INFINITY)),
+        vpl_m: bank.map_or(0.0, |bank| bank.level_m[1].unwrap_or(f64::INFINITY)),
         hpl0_m: level,
-        detected: false,
-        excluded: Vec::new(),
-        n_sats: epoch.rows.len(),
-        tests: vec![[f64::NAN; 2]; satellites],
+        detected: bank.is_some_and(|bank| bank.detected),
+        excluded: excluded.to_vec(),
+        n_sats: report.map_or(0, |report| report.used.len()),
+        tests: tests(bank, satellites),
     }
 }
 
@@ -272,13 +294,22 @@ pub fn run(
         }
     }
     let satellites = scenario.satellites();
+    // In the order of their exclusion, which a set does not keep.
+    let mut excluded: Vec<String> = Vec::new();
     let rows: Vec<ResultRow> = scenario
         .epochs
         .iter()
         .map(|epoch| {
             let time = instant(epoch.t_s);
             let report = reader.reports.iter().find(|report| report.time == time);
-            result_row(epoch, report, satellites.len())
+            let bank = reader.banks.iter().find(|bank| bank.time == time);
+            for satellite in bank.iter().flat_map(|bank| bank.excluded.iter()) {
+                let name = satellite.to_string();
+                if !excluded.contains(&name) {
+                    excluded.push(name);
+                }
+            }
+            result_row(epoch, report, bank, &excluded, &satellites)
         })
         .collect();
     let without_solution = rows.iter().filter(|row| row.hpl0_m.is_nan()).count();

@@ -59,7 +59,7 @@ pub enum Flight {
     EnrouteTurn,
     /// LPV-200 approach broken off at 60 m, climb and turn (tactical IMU)
     GoAround,
-    /// Body coning and heaving at 4 Hz during fast turns (tactical IMU)
+    /// Body coning by 3° and heaving at 2 Hz during fast turns (tactical IMU)
     Coning,
     /// Car in a town: stops, corners, slopes (MEMS IMU)
     Drive,

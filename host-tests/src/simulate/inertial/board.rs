@@ -5,12 +5,16 @@
 //! is put on top: the same noise and faults on the same satellites, at the same epochs.
 
 use anyhow::{Result, anyhow};
+use nalgebra::Matrix3;
 use rand_chacha::ChaCha20Rng;
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::{ObservationEpoch, Satellite, SignalObservation};
-use surefix_core::ingest::encode_imu;
-use surefix_core::time::GpsTime;
+use surefix_core::ingest::{encode_imu, encode_inertial};
+use surefix_core::ins::{AttitudeStart, InertialConfig, SensorRange};
+use surefix_core::time::{GpsTime, NS_PER_S};
 
+use super::clock::CLOCK_NOISE;
+use super::trajectory::matrix;
 use super::{Scenario, random};
 use crate::simulate::atmosphere::{Ionosphere, ionosphere_m};
 use crate::simulate::flight::{AntennaState, Flight};
@@ -22,6 +26,11 @@ use crate::simulate::stream::Stream;
 
 /// Random numbers of carrier phases and second signals.
 const STREAM_RECEIVER: u64 = (1 << 32) + 3;
+/// Beyond every flight here: 500 °/s and 20 g.
+const SENSOR_RANGE: SensorRange = SensorRange {
+    rate_radps: 500.0 * core::f64::consts::PI / 180.0,
+    specific_force_mps2: 20.0 * 9.806_65,
+};
 /// Half the step of the difference quotient of ranges, s.
 const STEP_S: f64 = 0.01;
 
@@ -112,16 +121,39 @@ pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
     Ok(stream.bytes)
 }
 
-/// `imu.sfx`: a native frame per sample.
+/// What a board has to be told of the unit: its grade, and the attitude that `init.csv` starts from.
+pub fn unit(scenario: &Scenario) -> InertialConfig {
+    let initial = &scenario.initial;
+    let c_n_b = scenario.truth[0].state.c_e_n.transpose() * matrix(&initial.q_e_b);
+    InertialConfig {
+        interval_ns: NS_PER_S as u32 / scenario.request.imu_rate_hz,
+        c_b_s: Matrix3::identity().into(),
+        lever_arm_b_m: [0.0; 3],
+        noise: scenario.grade.noise().density,
+        clock: CLOCK_NOISE,
+        range: SENSOR_RANGE,
+        start: AttitudeStart::Given {
+            roll_pitch_heading_rad: [
+                libm::atan2(c_n_b[(2, 1)], c_n_b[(2, 2)]),
+                -libm::asin(c_n_b[(2, 0)]),
+                libm::atan2(c_n_b[(1, 0)], c_n_b[(0, 0)]),
+            ],
+        },
+        sigma: scenario.sigma,
+    }
+}
+
+/// `imu.sfx`: a native frame that says what the unit is, and one per sample.
 ///
 /// # Errors
 /// When a frame does not fit.
 pub fn imu_bytes(scenario: &Scenario) -> Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    let mut frame = [0; 256];
+    let mut frame = [0; 512];
+    let refused = |error| anyhow!("a native frame did not encode: {error:?}");
+    let length = encode_inertial(&unit(scenario), &mut frame).map_err(refused)?;
+    let mut bytes = frame[..length].to_vec();
     for sample in &scenario.imu {
-        let length = encode_imu(sample, &mut frame)
-            .map_err(|error| anyhow!("an inertial sample did not encode: {error:?}"))?;
+        let length = encode_imu(sample, &mut frame).map_err(refused)?;
         bytes.extend(&frame[..length]);
     }
     Ok(bytes)

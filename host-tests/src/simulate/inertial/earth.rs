@@ -80,7 +80,7 @@ mod tests {
         }
     }
 
-    /// Normal gravity of the ellipsoid, [NGA.STND.0036] table 3.6: 9.7803253359 m/s² at the equator,
+    /// Normal gravity of the ellipsoid, [NGA.STND.0036]: 9.7803253359 m/s² at the equator,
     /// 9.8321849379 m/s² at the poles. J2 alone leaves the next even zonals out.
     #[test]
     fn gravity_is_normal_gravity_to_the_size_of_j4() {

@@ -193,7 +193,7 @@ pub fn scenario_toml(scenario: &Scenario) -> String {
          [files]\n\
          scenario = [\"imu.csv\", \"gnss.csv\", \"init.csv\", \"truth.csv\", \"faults.csv\"]\n\
          receiver = \"receiver.rtcm3\"   # RTCM 3 from t_s = 0 on: MSM7, 1019, 1042\n\
-         imu = \"imu.sfx\"   # native frames of the samples of imu.csv\n",
+         imu = \"imu.sfx\"   # native frames: what the unit is, and the samples of imu.csv\n",
         scenario.request.flight.name(),
         scenario.request.seed,
         scenario.duration_s,

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `imu.csv`, `gnss.csv`, `init.csv`, `truth.csv`, `faults.csv` | a scenario folder |
 //! | `receiver.rtcm3` | the receiver of the same flight: same track, clock, noise and faults |
-//! | `imu.sfx` | native frames of the inertial samples of `imu.csv` |
+//! | `imu.sfx` | native frames: what the unit is, and the samples of `imu.csv` |
 //! | `scenario.toml` | what was simulated |
 //!
 //! Read in this order: `profile.rs` smooth functions of time, `motion.rs` a vehicle's velocity and
@@ -159,7 +159,7 @@ pub fn fly(request: &Request) -> Result<Scenario> {
         );
     }
     let gnss_hz = request.gnss_rate_hz;
-    if !(1..=50).contains(&gnss_hz) || imu_hz % gnss_hz != 0 || 1000 % gnss_hz != 0 {
+    if !(1..=50).contains(&gnss_hz) || !imu_hz.is_multiple_of(gnss_hz) || 1000 % gnss_hz != 0 {
         bail!(
             "--rate-hz {gnss_hz} does not divide {imu_hz} samples and 1000 ms: epochs must coincide with inertial samples"
         );

@@ -23,8 +23,8 @@ use super::motion::Motion;
 const GAUSS: [(f64, f64); 4] = [
     (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
     (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
-    (0.669_990_521_792_428_13, 0.326_072_577_431_273_07),
-    (0.930_568_155_797_026_29, 0.173_927_422_568_726_93),
+    (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+    (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
 ];
 
 /// Latitude, longitude, rad, and ellipsoidal height, m.
@@ -214,6 +214,13 @@ pub fn quaternion(c: &Matrix3<f64>) -> [f64; 4] {
     if q[0] < 0.0 { q.map(|v| -v) } else { q }
 }
 
+/// The rotation of a unit quaternion, scalar first.
+pub fn matrix(q: &[f64; 4]) -> Matrix3<f64> {
+    let [w, x, y, z] = *q;
+    let skew = Vector3::new(x, y, z).cross_matrix();
+    Matrix3::identity() + (skew * w + skew * skew) * 2.0
+}
+
 /// The rotation by a vector of angles, rad.
 pub fn rotation(angle: &Vector3<f64>) -> Matrix3<f64> {
     let size = angle.norm();
@@ -281,6 +288,7 @@ mod tests {
             let probe = Vector3::new(0.3, -0.7, 1.9);
             let turned = probe + (v.cross(&probe) * w + v.cross(&v.cross(&probe))) * 2.0;
             assert!((turned - c * probe).norm() < 1e-14);
+            assert!((matrix(&[w, x, y, z]) - c).norm() < 1e-14);
         }
     }
 

@@ -1,0 +1,200 @@
+//! What the bank of filters says of an epoch, and its frame on the wire, which goes out before the
+//! epoch's report. Layout: docs/native-frame.md.
+
+use heapless::Vec;
+
+use crate::gnss::{Satellite, SatelliteSet, System};
+use crate::mhss::separation::Separation;
+use crate::mhss::{BankVerdict, MAX_BANK};
+use crate::report::ReportError;
+use crate::time::GpsTime;
+use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
+
+/// The test of one sub-filter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankTest {
+    /// The satellite that the sub-filter leaves out.
+    pub satellite: Satellite,
+    /// Statistic, horizontal and vertical, m.
+    pub statistic_m: [f64; 2],
+    /// Threshold, horizontal and vertical, m; 0 where there is nothing to test.
+    pub threshold_m: [f64; 2],
+}
+
+/// The tests of an epoch, before any exclusion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BankReport {
+    /// Time of the epoch.
+    pub time: GpsTime,
+    /// At least one test failed.
+    pub detected: bool,
+    /// Protection level of the bank, horizontal and vertical, m; `None` where it is not finite.
+    pub level_m: [Option<f64>; 2],
+    /// Level while a fault is present, m.
+    pub alerted_level_m: [Option<f64>; 2],
+    /// Satellites excluded so far, this epoch's included.
+    pub excluded: SatelliteSet,
+    /// Satellites observed that are in no filter for want of room.
+    pub n_unmonitored: u8,
+    /// The sub-filters.
+    pub tests: Vec<BankTest, MAX_BANK>,
+}
+
+/// Longest frame, bytes.
+pub const BANK_FRAME_LENGTH: usize =
+    native::HEADER_LEN + HEAD_LENGTH + MAX_BANK * TEST_LENGTH + native::TRAILER_LEN;
+const HEAD_LENGTH: usize = 8 + 1 + 1 + 4 * 8 + 3 * 8 + 1 + 1;
+const TEST_LENGTH: usize = 2 + 4 * 8;
+
+const _: () = assert!(HEAD_LENGTH + MAX_BANK * TEST_LENGTH <= native::MAX_PAYLOAD);
+
+impl BankReport {
+    /// No test.
+    pub const EMPTY: Self = Self {
+        time: GpsTime::from_ns(0),
+        detected: false,
+        level_m: [None; 2],
+        alerted_level_m: [None; 2],
+        excluded: SatelliteSet::EMPTY,
+        n_unmonitored: 0,
+        tests: Vec::new(),
+    };
+
+    /// Takes what a bank found.
+    pub fn fill<'a>(
+        &mut self,
+        time: GpsTime,
+        verdict: &BankVerdict,
+        excluded: SatelliteSet,
+        n_unmonitored: u8,
+        separations: impl Iterator<Item = (Satellite, &'a Separation)>,
+    ) {
+        let finite = |level: f64| level.is_finite().then_some(level);
+        self.time = time;
+        self.detected = verdict.detected;
+        self.level_m = verdict.level_m.map(finite);
+        self.alerted_level_m = verdict.alerted_level_m.map(finite);
+        self.excluded = excluded;
+        self.n_unmonitored = n_unmonitored;
+        self.tests.clear();
+        for (satellite, separation) in separations {
+            // As many as the bank has places.
+            let _ = self.tests.push(BankTest {
+                satellite,
+                statistic_m: separation.statistic_m,
+                threshold_m: separation.threshold_m,
+            });
+        }
+    }
+
+    /// Writes the report as one frame of [`Kind::Bank`]; returns its length.
+    ///
+    /// # Errors
+    /// [`Full`] when `out` is shorter than [`BANK_FRAME_LENGTH`] and the frame does not fit.
+    #[inline(never)]
+    pub fn encode(&self, out: &mut [u8]) -> Result<usize, Full> {
+        native::encode(Kind::Bank, out, |writer| self.write(writer))
+    }
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        let levels = self.level_m.iter().chain(&self.alerted_level_m);
+        let present = levels.clone().zip(0..).fold(0_u8, |bits, (level, bit)| {
+            bits | (level.is_some() as u8) << bit
+        });
+        writer.put_i64(self.time.ns())?;
+        writer.put_u8(self.detected as u8)?;
+        writer.put_u8(present)?;
+        for level in levels {
+            writer.put_f64(level.unwrap_or(0.0))?;
+        }
+        for mask in self.excluded.masks() {
+            writer.put_u64(mask)?;
+        }
+        writer.put_u8(self.n_unmonitored)?;
+        writer.put_u8(u8::try_from(self.tests.len()).map_err(|_| Full)?)?;
+        for test in &self.tests {
+            writer.put_u8(test.satellite.system() as u8)?;
+            writer.put_u8(test.satellite.prn())?;
+            for value in test.statistic_m.iter().chain(&test.threshold_m) {
+                writer.put_f64(*value)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the payload of a [`Kind::Bank`] frame.
+    ///
+    /// # Errors
+    /// [`ReportError`] when it is too short, names more tests than a bank has, a satellite that does not
+    /// exist, or holds a number that is not finite.
+    pub fn decode(payload: &[u8]) -> Result<Self, ReportError> {
+        let mut reader = Reader::new(payload);
+        let mut report = Self::EMPTY;
+        report.time = GpsTime::from_ns(reader.i64()?);
+        report.detected = reader.u8()? != 0;
+        let present = reader.u8()?;
+        let mut bit = 1;
+        for level in report.level_m.iter_mut().chain(&mut report.alerted_level_m) {
+            let value = reader.f64()?;
+            *level = (present & bit != 0).then_some(value);
+            bit <<= 1;
+        }
+        report.excluded = SatelliteSet::from_masks([reader.u64()?, reader.u64()?, reader.u64()?]);
+        report.n_unmonitored = reader.u8()?;
+        let tests = reader.u8()?;
+        for _ in 0..tests {
+            let (system, prn) = (reader.u8()?, reader.u8()?);
+            let satellite = System::from_index(usize::from(system))
+                .and_then(|system| Satellite::new(system, prn))
+                .ok_or(ReportError::UnknownCode { code: prn })?;
+            let test = BankTest {
+                satellite,
+                statistic_m: two(&mut reader)?,
+                threshold_m: two(&mut reader)?,
+            };
+            if report.tests.push(test).is_err() {
+                return Err(ReportError::UnknownCode { code: tests });
+            }
+        }
+        Ok(report)
+    }
+}
+
+fn two(reader: &mut Reader<'_>) -> Result<[f64; 2], ReadError> {
+    Ok([reader.f64()?, reader.f64()?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::native::Frame;
+
+    #[test]
+    fn a_report_of_the_bank_comes_back_as_it_was() {
+        let mut report = BankReport {
+            time: GpsTime::from_week_tow_s(2400, 17),
+            detected: true,
+            level_m: [Some(3.5), None],
+            alerted_level_m: [None, Some(7.25)],
+            n_unmonitored: 3,
+            ..BankReport::EMPTY
+        };
+        report
+            .excluded
+            .insert(Satellite::new(System::Galileo, 30).unwrap());
+        for prn in 1..=MAX_BANK as u8 {
+            let test = BankTest {
+                satellite: Satellite::new(System::Bds, prn).unwrap(),
+                statistic_m: [f64::from(prn), 0.1],
+                threshold_m: [0.0, -0.5],
+            };
+            report.tests.push(test).unwrap();
+            let mut bytes = [0; BANK_FRAME_LENGTH];
+            let length = report.encode(&mut bytes).unwrap();
+            let (frame, used) = Frame::parse(&bytes).unwrap();
+            assert_eq!((used, frame.kind()), (length, Some(Kind::Bank)));
+            assert_eq!(BankReport::decode(frame.payload()), Ok(report.clone()));
+            assert!(BankReport::decode(&frame.payload()[1..]).is_err());
+        }
+    }
+}
