@@ -339,6 +339,11 @@ impl TightMonitor {
         {
             self.corrected.rows.clear();
         }
+        if let Some(config) = &self.config {
+            let factors = config.measurement;
+            self.corrected
+                .scale_sigmas(factors.pseudorange, factors.range_rate);
+        }
         self.prepare_clocks(&mut at, tested);
         self.finish(&at)
     }

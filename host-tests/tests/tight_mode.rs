@@ -4,6 +4,8 @@
 #[path = "tight_mode/flight.rs"]
 mod flight;
 
+use std::f64::consts::{FRAC_PI_2, PI};
+
 use flight::{COURSE, Input, LENGTH_S, RANGE, Row, at, attitude_rad, epoch, run, unit};
 use proptest::prelude::*;
 use surefix_core::gnss::{Satellite, System};
@@ -174,10 +176,10 @@ fn a_given_attitude_needs_no_window() {
 fn a_wrong_attitude_ends_tight_mode_and_the_course_finds_the_right_one() {
     let [roll, pitch, heading] = attitude_rad(1.0);
     for wrong in [
-        [roll, pitch, heading + 1.57],
-        [roll, pitch, heading - 1.57],
-        [roll + 1.57, pitch, heading],
-        [roll, pitch, heading + 3.14],
+        [roll, pitch, heading + FRAC_PI_2],
+        [roll, pitch, heading - FRAC_PI_2],
+        [roll + FRAC_PI_2, pitch, heading],
+        [roll, pitch, heading + PI],
     ] {
         let given = AttitudeStart::Given {
             roll_pitch_heading_rad: wrong,

@@ -1,7 +1,7 @@
 //! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
 
 use super::*;
-use crate::ins::{ClockNoise, InertialNoise, InitialSigma, SensorRange};
+use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
 use std::boxed::Box;
 
 /// INT-013.
@@ -44,6 +44,7 @@ const UNIT: InertialConfig = InertialConfig {
         drift_decay_per_s: 0.0,
         inter_system_psd: 0.0,
     },
+    measurement: MeasurementFactors::ONE,
     range: SensorRange {
         rate_radps: 10.0,
         specific_force_mps2: 100.0,

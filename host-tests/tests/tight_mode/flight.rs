@@ -21,7 +21,7 @@ use surefix_core::ingest::{
 use surefix_core::ins::gravity::gravity_e;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, SensorRange,
+    InitialState, MeasurementFactors, SensorRange,
 };
 use surefix_core::report::EpochReport;
 use surefix_core::time::{GpsTime, NS_PER_S};
@@ -81,6 +81,7 @@ pub fn unit(start: AttitudeStart) -> InertialConfig {
             drift_decay_per_s: 0.0,
             inter_system_psd: 1e-6,
         },
+        measurement: MeasurementFactors::ONE,
         range: RANGE,
         start,
         sigma: InitialSigma {

@@ -9,6 +9,8 @@
 #[cfg(target_os = "none")]
 mod call;
 #[cfg(target_os = "none")]
+mod ekf;
+#[cfg(target_os = "none")]
 mod facade;
 #[cfg(target_os = "none")]
 mod gnss;
@@ -16,6 +18,8 @@ mod gnss;
 mod ins;
 #[cfg(target_os = "none")]
 mod integrity;
+#[cfg(target_os = "none")]
+mod mhss;
 #[cfg(target_os = "none")]
 mod numbers;
 #[cfg(target_os = "none")]
@@ -36,6 +40,8 @@ fn main() -> ! {
     gnss::all();
     integrity::all();
     ins::all(&facade::UNIT, &facade::STATE, &facade::SAMPLE);
+    ekf::all(&facade::UNIT, &facade::STATE, gnss::EPHEMERIS.satellite);
+    mhss::all();
     raim::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
