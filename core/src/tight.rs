@@ -492,6 +492,8 @@ impl TightMonitor {
                 None
             }
             Some(InertialStatus::EpochLate) => {
+                // Without a filter to be late for, the two are of different times.
+                self.missing = Some(InertialStatus::ImuTime);
                 self.lose(InertialStatus::ImuTime);
                 None
             }
