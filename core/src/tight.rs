@@ -309,7 +309,13 @@ impl TightMonitor {
             .run_bank(&at, &reference, secondaries)
             .and_then(|summary| {
                 let used = self.bank.satellites();
-                self.solution(epoch.time, &summary, used, [false; System::ALL.len()])
+                let absent = [false; System::ALL.len()];
+                let mut solution = self.solution(epoch.time, &summary, used, absent)?;
+                // As the bank's levels: before an exclusion.
+                if let Some((_, verdict)) = &self.bank_verdict {
+                    solution.navigation.fault_free_m = verdict.fault_free_m;
+                }
+                Some(solution)
             });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
