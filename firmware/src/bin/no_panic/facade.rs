@@ -200,13 +200,10 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
 }
 
 fn tight() {
-    let (mut tight, time) = (TightMonitor::EMPTY, GpsTime::from_ns(0));
+    // What is not called here is reached through the monitor.
+    let mut tight = TightMonitor::EMPTY;
     call3(TightMonitor::configure, &mut tight, &UNIT, 1e-7);
-    call2(TightMonitor::choose_systems, &mut tight, &Config::PRESET);
-    call2(TightMonitor::follow, &mut tight, &MODEL);
-    call2(TightMonitor::start, &mut tight, &STATE);
     call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
-    call3(TightMonitor::align, &mut tight, time, None);
     let mut workspace = SnapshotWorkspace::EMPTY;
     black_box(
         SnapshotWorkspace::corrected(
@@ -218,22 +215,6 @@ fn tight() {
         )
         .is_ok(),
     );
-    let solution = TightMonitor::on_epoch(
-        black_box(&mut tight),
-        black_box(time),
-        black_box(&mut workspace),
-        black_box(SatelliteSet::EMPTY),
-        black_box(true),
-    );
-    if let Some(solution) = &solution {
-        call4(
-            TightMonitor::compare,
-            &mut tight,
-            [0.0; 2],
-            [0.0; 2],
-            solution,
-        );
-    }
     call3(
         TightMonitor::on_corrected,
         &mut tight,
@@ -242,7 +223,6 @@ fn tight() {
     );
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
-    call1(TightMonitor::reference, &tight);
     call1(TightMonitor::intake, &tight);
     call1(TightMonitor::navigator, &tight);
     call1(TightMonitor::bank, &tight);
