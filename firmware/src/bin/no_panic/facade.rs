@@ -200,21 +200,9 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
 }
 
 fn tight() {
-    // What is not called here is reached through the monitor.
     let mut tight = TightMonitor::EMPTY;
     call3(TightMonitor::configure, &mut tight, &UNIT, 1e-7);
     call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
-    let mut workspace = SnapshotWorkspace::EMPTY;
-    black_box(
-        SnapshotWorkspace::corrected(
-            black_box(&mut workspace),
-            black_box([0.0; 3]),
-            black_box([0.0; 3]),
-            black_box(SatelliteSet::EMPTY),
-            black_box(&mut CorrectedEpoch::EMPTY.clone()),
-        )
-        .is_ok(),
-    );
     call3(
         TightMonitor::on_corrected,
         &mut tight,
@@ -227,4 +215,14 @@ fn tight() {
     call1(TightMonitor::navigator, &tight);
     call1(TightMonitor::bank, &tight);
     call1(TightMonitor::bank_verdict, &tight);
+
+    let mut workspace = SnapshotWorkspace::EMPTY;
+    let corrected = SnapshotWorkspace::corrected(
+        black_box(&mut workspace),
+        black_box([0.0; 3]),
+        black_box([0.0; 3]),
+        black_box(SatelliteSet::EMPTY),
+        black_box(&mut CorrectedEpoch::EMPTY.clone()),
+    );
+    black_box(corrected.is_ok());
 }
