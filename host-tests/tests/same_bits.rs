@@ -4,15 +4,17 @@
 mod common;
 
 use std::path::Path;
+use std::process::Command;
 
 use surefix_core::config::Config;
 use surefix_core::gnss::System;
 use surefix_core::gnss::satellite::SystemSet;
-use surefix_core::integrity::{Integrity, Phase};
+use surefix_core::integrity::{Integrity, Mode, Phase};
 use surefix_host_tests::output::epochs_csv;
 use surefix_host_tests::qemu::image;
-use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult};
+use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
+use surefix_host_tests::truth::Truth;
 
 /// Replays on both machines, compares the files, and gives the result of this one; `None`, said
 /// aloud, where there is no emulator.
@@ -117,4 +119,50 @@ fn an_approach_with_a_faulty_satellite() {
         .collect();
     assert!(excluded.len() > 60, "{excluded:?}");
     assert!(excluded.iter().all(|name| name == "G04"), "{excluded:?}");
+}
+
+/// A simulated flight as a board would get it: RTCM 3 and inertial samples in the order of their times.
+fn flight(name: &str, more: &[&str]) -> ReplayOptions {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("same_bits_{name}"));
+    let done = Command::new(env!("CARGO_BIN_EXE_surefix"))
+        .args(["simulate", name, "--seed", "2", "--out"])
+        .arg(&folder)
+        .args(more)
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{done:?}");
+    let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));
+    options.imu = Some(folder.join("imu.sfx"));
+    options.truth = TruthChoice::Given(Truth::read(&folder.join("truth.csv")).unwrap());
+    options
+}
+
+/// INT-007. The filter, an exclusion by the snapshot, and the whole of a filter's report.
+#[test]
+fn an_approach_with_an_inertial_unit() {
+    let Some(result) = on_both(flight("lpv200_step", &["--duration", "180"])) else {
+        return;
+    };
+    let tight = result
+        .reports
+        .iter()
+        .filter(|report| report.mode == Mode::Tight)
+        .count();
+    assert!(tight > 170, "{tight}");
+    assert_eq!(result.summary.errors.epochs_with_error_above_level, 0);
+}
+
+/// INT-007. Three, two, one satellite, none: the filter goes on and says that it is not to be trusted.
+#[test]
+fn a_flight_that_coasts() {
+    let Some(result) = on_both(flight("coasting", &[])) else {
+        return;
+    };
+    let coasting = result
+        .reports
+        .iter()
+        .filter(|report| report.mode == Mode::Tight && !report.verdict.integrity.is_usable())
+        .count();
+    assert!(coasting >= 4 * 59, "{coasting}");
+    assert_eq!(result.summary.errors.epochs_with_error_above_level, 0);
 }
