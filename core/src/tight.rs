@@ -405,12 +405,14 @@ impl TightMonitor {
             .run_bank(&at, &reference, secondaries)
             .and_then(|summary| {
                 let used = self.bank.satellites();
-                self.solution(
-                    &self.navigator.antenna(epoch.time),
-                    &summary,
-                    used,
-                    [false; System::ALL.len()],
-                )
+                let absent = [false; System::ALL.len()];
+                let at = self.navigator.antenna(epoch.time);
+                let mut solution = self.solution(&at, &summary, used, absent)?;
+                // As the bank's levels: before an exclusion.
+                if let Some((_, verdict)) = &self.bank_verdict {
+                    solution.navigation.fault_free_m = verdict.fault_free_m;
+                }
+                Some(solution)
             });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
@@ -492,6 +494,8 @@ impl TightMonitor {
                 None
             }
             Some(InertialStatus::EpochLate) => {
+                // Without a filter to be late for, the two are of different times.
+                self.missing = Some(InertialStatus::ImuTime);
                 self.lose(InertialStatus::ImuTime);
                 None
             }

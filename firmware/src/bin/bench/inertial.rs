@@ -1,17 +1,19 @@
-//! What is measured of inertial navigation: a sample, and an epoch of tight mode.
+//! What is measured of inertial navigation: a sample, a second, and an epoch of one filter.
 
 use super::measure::{RUNS, Row, require};
 use super::sky::{self, Random};
 use core::hint::black_box;
 use static_cell::ConstStaticCell;
 use surefix_core::consts::OMEGA_EARTH_WGS84_RADPS;
+use surefix_core::ekf::layout::{BLOCKS, FIRST_OFFSET};
+use surefix_core::ekf::navigator::Navigator;
 use surefix_core::gnss::{CorrectedEpoch, CorrectedMeasurement, Satellite, System};
 use surefix_core::ins::{
-    AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, Intake, Mechanisation, ReferenceModel, SensorRange, gravity,
+    AttitudeStart, ClockNoise, ImuSample, Increment, InertialConfig, InertialNoise, InitialSigma,
+    InitialState, Intake, Mechanisation, SensorRange, gravity,
 };
-use surefix_core::tight::TightMonitor;
-use surefix_core::time::GpsTime;
+use surefix_core::tight::{CLOCKS, JOINT};
+use surefix_core::time::{GpsTime, NS_PER_S};
 
 /// A unit of a good MEMS grade at 100 Hz, forward of and below the antenna.
 pub const UNIT: InertialConfig = InertialConfig {
@@ -46,7 +48,9 @@ pub const UNIT: InertialConfig = InertialConfig {
     },
 };
 /// Samples per epoch at 100 Hz.
-pub const SAMPLES_PER_EPOCH: i64 = 100;
+pub const SAMPLES_PER_EPOCH: usize = 100;
+/// States of the navigator's filter.
+const STATES: usize = 3 * BLOCKS + CLOCKS;
 /// Satellites of the rows of an epoch.
 const SATELLITES: [usize; 5] = [6, 8, 12, 16, 24];
 /// Distance to a satellite, m.
@@ -63,20 +67,10 @@ const STATE: InitialState = InitialState {
     clock_drift_mps: 0.0,
 };
 
-const REQUIREMENTS: ReferenceModel = ReferenceModel {
-    p_fa: 3.33e-7,
-    p_md: 1e-3,
-    p_h0: 1e-7,
-    hal_m: 40.0,
-    val_m: 35.0,
-    detect_vertical: true,
-    exclude: true,
-    hold_ns: 0,
-};
-
 static MECHANISATION: ConstStaticCell<Mechanisation> = ConstStaticCell::new(Mechanisation::EMPTY);
 static INTAKE: ConstStaticCell<Intake> = ConstStaticCell::new(Intake::EMPTY);
-static TIGHT: ConstStaticCell<TightMonitor> = ConstStaticCell::new(TightMonitor::EMPTY);
+static NAVIGATOR: ConstStaticCell<Navigator<CLOCKS, JOINT>> =
+    ConstStaticCell::new(Navigator::EMPTY);
 static EPOCH: ConstStaticCell<CorrectedEpoch> = ConstStaticCell::new(CorrectedEpoch::EMPTY);
 
 /// Measures every stage and prints its rows.
@@ -86,18 +80,30 @@ pub fn all() {
     epochs(&mut random);
 }
 
-/// A sample that ends `number` intervals after the start: shaking about rest.
-fn sample(random: &mut Random, number: i64) -> ImuSample {
+/// What a sample integrates: shaking about rest.
+fn increment(random: &mut Random) -> Increment {
     let dt_s = 1e-9 * f64::from(UNIT.interval_ns);
     let gravity = gravity::gravity_e(&sky::RECEIVER_E_M.into());
     // The attitude of the start turns the axes around: x of the body is y of the frame, and so on.
     let held = [-gravity.y, -gravity.z, -gravity.x];
+    let turning = [0.0, OMEGA_EARTH_WGS84_RADPS, 0.0];
+    Increment {
+        dtheta_b: turning
+            .map(|rate| dt_s * (rate + 0.3 * random.normal()))
+            .into(),
+        dv_b: held.map(|force| dt_s * (force + random.normal())).into(),
+        dt_s,
+    }
+}
+
+/// A sample that ends `number` intervals after the start.
+fn sample(random: &mut Random, number: i64) -> ImuSample {
+    let increment = increment(random);
     ImuSample {
         time: sky::TIME.plus_ns(number * i64::from(UNIT.interval_ns)),
         interval_ns: UNIT.interval_ns,
-        dtheta_is_s_rad: [0.0, OMEGA_EARTH_WGS84_RADPS, 0.0]
-            .map(|rate| dt_s * (rate + 0.3 * random.normal())),
-        dv_is_s_mps: held.map(|force| dt_s * (force + random.normal())),
+        dtheta_is_s_rad: increment.dtheta_b.into(),
+        dv_is_s_mps: increment.dv_b.into(),
     }
 }
 
@@ -134,47 +140,38 @@ fn samples(random: &mut Random) {
     both.print("ins/intake+mechanisation", None, None);
 }
 
-/// Tight mode: a sample with its share of the transition, and an epoch without a bank.
+/// The navigator of the monitor: the samples of a second, and an epoch of one filter.
 fn epochs(random: &mut Random) {
-    let (tight, epoch) = (TIGHT.take(), EPOCH.take());
+    let (navigator, epoch) = (NAVIGATOR.take(), EPOCH.take());
+    let mut second = Row::new();
     for n in SATELLITES {
-        let (mut per_sample, mut per_epoch) = (Row::new(), Row::new());
-        require(
-            tight.configure(&UNIT, 1e-7).is_ok() && tight.follow(&REQUIREMENTS).is_ok(),
-            "the configuration was refused",
-        );
-        tight.start(&STATE);
-        for run in 0..RUNS as i64 {
-            for number in 1..=SAMPLES_PER_EPOCH {
-                let next = sample(random, run * SAMPLES_PER_EPOCH + number);
-                if number < SAMPLES_PER_EPOCH {
-                    tight.on_sample(&next);
-                } else {
-                    per_sample.run(|| tight.on_sample(black_box(&next)));
-                }
-            }
-            let antenna = tight.navigator().antenna(tight.navigator().time());
-            observe(
-                random,
-                n,
-                antenna.time,
-                antenna.r_e_m,
-                antenna.v_e_mps,
-                epoch,
-            );
-            let mut used = 0;
-            per_epoch.run(|| {
-                if let Some(solution) = tight.on_corrected(black_box(epoch), None) {
-                    used = solution.used.len();
+        let mut whole = Row::new();
+        let started = navigator.start(&UNIT, &STATE).is_ok();
+        require(started, "no start");
+        for seconds in 1..=RUNS as i64 {
+            let time = sky::TIME.plus_ns(seconds * NS_PER_S);
+            let increments = [(); SAMPLES_PER_EPOCH].map(|()| increment(random));
+            second.run(|| {
+                for increment in black_box(&increments) {
+                    navigator.step(increment, time);
                 }
             });
-            require(used == n, "a satellite was not used");
+            let antenna = navigator.antenna(time);
+            observe(random, n, time, antenna.r_e_m, antenna.v_e_mps, epoch);
+            let mut rows = 0;
+            whole.run(|| {
+                let at = navigator.predict(time);
+                for (index, measurement) in epoch.rows.iter().enumerate() {
+                    let offset = FIRST_OFFSET + index % 3;
+                    navigator.add(measurement, &at, (offset < CLOCKS).then_some(offset));
+                }
+                rows = navigator.update().map_or(0, |summary| summary.rows);
+            });
+            require(rows == 2 * n as u32, "a row was not used");
         }
-        if n == 12 {
-            per_sample.print("tight/sample", None, None);
-        }
-        per_epoch.print("tight/epoch", Some(n), None);
+        whole.print("navigator/epoch", Some(n), Some(STATES));
     }
+    second.print("navigator/second", None, None);
 }
 
 /// Fills an epoch with what `n` satellites in random directions would measure, and noise.

@@ -200,40 +200,9 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
 }
 
 fn tight() {
-    let (mut tight, time) = (TightMonitor::EMPTY, GpsTime::from_ns(0));
+    let mut tight = TightMonitor::EMPTY;
     call3(TightMonitor::configure, &mut tight, &UNIT, 1e-7);
-    call2(TightMonitor::choose_systems, &mut tight, &Config::PRESET);
-    call2(TightMonitor::follow, &mut tight, &MODEL);
-    call2(TightMonitor::start, &mut tight, &STATE);
     call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
-    call3(TightMonitor::align, &mut tight, time, None);
-    let mut workspace = SnapshotWorkspace::EMPTY;
-    black_box(
-        SnapshotWorkspace::corrected(
-            black_box(&mut workspace),
-            black_box([0.0; 3]),
-            black_box([0.0; 3]),
-            black_box(SatelliteSet::EMPTY),
-            black_box(&mut CorrectedEpoch::EMPTY.clone()),
-        )
-        .is_ok(),
-    );
-    let solution = TightMonitor::on_epoch(
-        black_box(&mut tight),
-        black_box(time),
-        black_box(&mut workspace),
-        black_box(SatelliteSet::EMPTY),
-        black_box(true),
-    );
-    if let Some(solution) = &solution {
-        call4(
-            TightMonitor::compare,
-            &mut tight,
-            [0.0; 2],
-            [0.0; 2],
-            solution,
-        );
-    }
     call3(
         TightMonitor::on_corrected,
         &mut tight,
@@ -242,9 +211,18 @@ fn tight() {
     );
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
-    call1(TightMonitor::reference, &tight);
     call1(TightMonitor::intake, &tight);
     call1(TightMonitor::navigator, &tight);
     call1(TightMonitor::bank, &tight);
     call1(TightMonitor::bank_verdict, &tight);
+
+    let mut workspace = SnapshotWorkspace::EMPTY;
+    let corrected = SnapshotWorkspace::corrected(
+        black_box(&mut workspace),
+        black_box([0.0; 3]),
+        black_box([0.0; 3]),
+        black_box(SatelliteSet::EMPTY),
+        black_box(&mut CorrectedEpoch::EMPTY.clone()),
+    );
+    black_box(corrected.is_ok());
 }
