@@ -84,6 +84,9 @@ pub struct Args {
     /// Epochs per second; the rows of the track must fall on them
     #[arg(long, default_value_t = 1)]
     pub rate_hz: u32,
+    /// Length in seconds [default: that of the track]
+    #[arg(long, value_name = "SECONDS")]
+    pub duration: Option<f64>,
     /// Seed of noise and clock
     #[arg(long)]
     pub seed: u64,
@@ -135,6 +138,8 @@ pub struct Hybrid {
     pub track: Track,
     /// First epoch.
     pub start: GpsTime,
+    /// From the first epoch to the last, s.
+    pub duration_s: f64,
     /// Epochs of the receiver, those without a satellite too.
     pub epochs: usize,
     /// Names of the satellites; a reduction leaves the first.
@@ -290,6 +295,9 @@ pub fn synthesise(args: &Args) -> Result<Hybrid> {
     if !(1..=10).contains(&args.rate_hz) {
         bail!("--rate-hz {} is not between 1 and 10", args.rate_hz);
     }
+    if let Some(duration_s) = args.duration.filter(|s| !(*s > 0.0)) {
+        bail!("--duration {duration_s} is not more than 0");
+    }
     let recorded = Track::read(&args.track, 0.0)?;
     let settings = Settings::read(&args.config)?;
     let samples = imu::read(&args.imu, settings.imu.as_ref())?;
@@ -305,11 +313,16 @@ pub fn synthesise(args: &Args) -> Result<Hybrid> {
     }
     let shift_ns = start.ns() - recorded.first().ns();
     let track = recorded.moved(shift_ns);
-    let imu = imu_bytes(&samples, shift_ns)?;
+    let duration_s = match args.duration {
+        Some(duration_s) if duration_s < track.duration_s() => duration_s,
+        _ => track.duration_s(),
+    };
+    let end = recorded.first().plus_ns((duration_s * 1e9) as i64);
+    let imu = imu_bytes(&samples, shift_ns, end)?;
 
     let interval_ns = NS_PER_S / i64::from(args.rate_hz);
     let interval_s = interval_ns as f64 / NS_PER_S as f64;
-    let count = (track.duration_s() / interval_s) as usize + 1;
+    let count = (duration_s / interval_s) as usize + 1;
     let random = |stream| {
         let mut random = ChaCha20Rng::seed_from_u64(args.seed);
         random.set_stream(stream);
@@ -356,6 +369,7 @@ pub fn synthesise(args: &Args) -> Result<Hybrid> {
         receiver: stream.bytes,
         imu,
         start,
+        duration_s,
         epochs: count,
         satellites,
         track: track.clone(),
@@ -420,12 +434,13 @@ fn epoch(
     epoch
 }
 
-fn imu_bytes(recorded: &Recorded, shift_ns: i64) -> Result<Vec<u8>> {
+/// What is known of the unit, and its samples up to a time of the recording.
+fn imu_bytes(recorded: &Recorded, shift_ns: i64, end: GpsTime) -> Result<Vec<u8>> {
     let mut frame = [0; 512];
     let refused = |error| anyhow!("a native frame did not encode: {error:?}");
     let length = encode_inertial(&recorded.unit, &mut frame).map_err(refused)?;
     let mut bytes = frame[..length].to_vec();
-    for sample in &recorded.samples {
+    for sample in recorded.samples.iter().filter(|s| s.time <= end) {
         let mut moved = *sample;
         moved.time = sample.time.plus_ns(shift_ns);
         let length = encode_imu(&moved, &mut frame).map_err(refused)?;
@@ -436,7 +451,7 @@ fn imu_bytes(recorded: &Recorded, shift_ns: i64) -> Result<Vec<u8>> {
 
 fn truth_csv(hybrid: &Hybrid) -> Result<String> {
     let mut csv = "t_s,week,tow_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\n".to_owned();
-    let rows = (hybrid.track.duration_s() * 1e9) as i64 / TRUTH_STEP_NS;
+    let rows = (hybrid.duration_s * 1e9) as i64 / TRUTH_STEP_NS;
     for row in 0..=rows {
         let since_ns = row * TRUTH_STEP_NS;
         let time = hybrid.start.plus_ns(since_ns);

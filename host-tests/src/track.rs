@@ -21,7 +21,7 @@ use std::path::Path;
 use anyhow::{Context, Result, anyhow, bail};
 use nalgebra::Vector3;
 use surefix_core::frames::geodesy;
-use surefix_core::time::{GpsTime, NS_PER_S};
+use surefix_core::time::GpsTime;
 
 use crate::truth::rtklib_rows;
 
