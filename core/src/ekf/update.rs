@@ -127,23 +127,30 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         let UpdateWorkspace {
             joint, clock_gains, ..
         } = workspace;
-        let measurements = joint.directions.clock.iter().zip(&joint.scalar);
-        for ((v, scalar), gains) in measurements.zip(clock_gains) {
-            for k in 0..K {
-                gains[k] = v[k] * scalar.precision;
-                self.state.clock[k] += v[k] * scalar.step;
-            }
+        let mut covariance = self.clock;
+        let directions = joint.directions.clock.iter().zip(&joint.scalar);
+        for ((v, scalar), gains) in directions.clone().zip(clock_gains) {
+            let gain = v.map(|entry| entry * scalar.precision);
             for k in 0..K {
                 for l in 0..=k {
-                    self.clock[k][l] -= v[k] * gains[l];
+                    covariance[k][l] -= v[k] * gain[l];
                 }
             }
+            *gains = gain;
         }
-        for k in 0..K {
-            for l in 0..k {
-                self.clock[l][k] = self.clock[k][l];
+        let mut state = self.state.clock;
+        for (v, scalar) in directions {
+            for k in 0..K {
+                state[k] += v[k] * scalar.step;
             }
         }
+        self.state.clock = state;
+        for k in 0..K {
+            for l in 0..k {
+                covariance[l][k] = covariance[k][l];
+            }
+        }
+        self.clock = covariance;
     }
 
     /// P ← P − Σ v_q v_qᵀ / s_q, x ← x + Σ v_q ν_q / s_q of all blocks of states.
@@ -220,19 +227,20 @@ fn vectors_from<const FIRST: usize, const M: usize>(
         return;
     }
     let mut sums = [[0.0; 3]; 3];
-    for j in 0..3 {
-        if FIRST + j < M {
-            sums[j] = column(FIRST + j);
-        }
-    }
-    for s in 0..FIRST + 2 {
+    for s in 0..FIRST + 3 {
         if s < M {
             let column = column(s);
             for j in 0..3 {
                 let q = FIRST + j;
-                if s < q && q < M {
+                if s <= q && q < M {
                     for i in 0..3 {
-                        sums[j][i] += column[i] * combination[q][s];
+                        // Entry q of z_q is 1.
+                        let part = if s == q {
+                            column[i]
+                        } else {
+                            column[i] * combination[q][s]
+                        };
+                        sums[j][i] = if s == 0 { part } else { sums[j][i] + part };
                     }
                 }
             }

@@ -119,7 +119,7 @@ fn a_filter_that_contradicts_tested_satellites_three_times_is_given_up() {
     let at_epoch = tight.navigator.predict(at(1000));
     let good = tight.finish(&at_epoch).unwrap();
     let mut inconsistent = good;
-    inconsistent.navigation.nis = 1e3;
+    inconsistent.navigation.nis = 1.01e3;
     inconsistent.navigation.nis_rows = 10;
     let mut no_number = good;
     no_number.navigation.nis = f64::NAN;
