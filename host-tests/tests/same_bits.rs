@@ -6,13 +6,16 @@ mod common;
 use std::path::Path;
 use std::process::Command;
 
-use surefix_core::config::Config;
+use surefix_core::config::{Config, IonosphereModel};
 use surefix_core::gnss::System;
 use surefix_core::gnss::satellite::SystemSet;
 use surefix_core::integrity::{Integrity, Mode, Phase};
+use surefix_core::report::EpochReport;
+use surefix_host_tests::hybrid;
 use surefix_host_tests::output::epochs_csv;
 use surefix_host_tests::qemu::image;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
+use surefix_host_tests::settings::Settings;
 use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
 use surefix_host_tests::truth::Truth;
 
@@ -165,4 +168,65 @@ fn a_flight_that_coasts() {
         .count();
     assert!(coasting >= 4 * 59, "{coasting}");
     assert_eq!(result.summary.errors.epochs_with_error_above_level, 0);
+}
+
+fn example(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../docs/examples")
+        .join(name)
+}
+
+fn tight_epochs(result: &ReplayResult) -> usize {
+    let tight = |report: &&EpochReport| report.mode == Mode::Tight;
+    result.reports.iter().filter(tight).count()
+}
+
+/// INT-007. RINEX frames at 4 Hz with a recorded unit at 152 Hz between.
+#[test]
+fn a_walk_with_an_inertial_unit() {
+    let folder = "data/walk0827-x20p-imu";
+    let Some(gnss) = common::shared(&format!("{folder}/derived_convbin.obs")) else {
+        return;
+    };
+    let settings = Settings::read(&example("walk-adis16465.toml")).unwrap();
+    let mut options = ReplayOptions::new(gnss);
+    let shared = |name: &str| common::shared(&format!("{folder}/{name}"));
+    options.nav.extend(shared("derived_convbin.nav"));
+    options.imu = shared("derived_imu_gpst_unfiltered.csv");
+    options.config = settings.config().unwrap();
+    options.imu_settings = settings.imu;
+    if let Some(result) = on_both(options) {
+        assert!(tight_epochs(&result) > 400);
+    }
+}
+
+/// INT-007. RTCM 3 synthesised along a drive, with its recorded unit; satellites go and come back.
+#[test]
+fn a_drive_that_loses_its_satellites() {
+    let folder = "data/drive0708-adis16465-rtk";
+    let Some(track) = common::shared(&format!("{folder}/gnss_1934_sf.pos")) else {
+        return;
+    };
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_hybrid");
+    let shared = |name: &str| common::shared(name).unwrap();
+    let hybrid = hybrid::synthesise(&hybrid::Args {
+        track,
+        imu: shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv")),
+        config: example("car-adis16465.toml"),
+        nav: shared("data/esbc-2020-177/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"),
+        satellites: 12,
+        drop: vec!["3:70:90".parse().unwrap(), "0:100:115".parse().unwrap()],
+        rate_hz: 1,
+        duration: Some(120.0),
+        seed: 1,
+        out: out.clone(),
+    })
+    .unwrap();
+    hybrid::write(&hybrid, &out).unwrap();
+    let mut options = ReplayOptions::new(out.join("receiver.rtcm3"));
+    options.imu = Some(out.join("imu.sfx"));
+    options.config.ionosphere = IonosphereModel::None;
+    if let Some(result) = on_both(options) {
+        assert!(tight_epochs(&result) > 60);
+    }
 }
