@@ -91,7 +91,8 @@ impl Rhythm {
         if !is_believed || waiting_ns < 0 {
             return None;
         }
-        let due = due.plus_ns(waiting_ns - waiting_ns % interval_ns);
+        let passed_ns = waiting_ns.checked_rem(interval_ns)?;
+        let due = due.plus_ns(waiting_ns.wrapping_sub(passed_ns));
         self.told = Some(due);
         Some(due)
     }

@@ -3,6 +3,7 @@
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
+pub mod hybrid;
 pub mod imu;
 pub mod output;
 pub mod qemu;
@@ -15,6 +16,7 @@ pub mod scenario;
 pub mod settings;
 pub mod simulate;
 pub mod source;
+pub mod track;
 pub mod truth;
 
 /// The example of the README, compiled and run.

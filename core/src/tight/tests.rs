@@ -1,7 +1,7 @@
 //! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
 
 use super::*;
-use crate::ins::{ClockNoise, InertialNoise, InitialSigma, SensorRange};
+use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
 use std::boxed::Box;
 
 /// INT-013.
@@ -44,6 +44,7 @@ const UNIT: InertialConfig = InertialConfig {
         drift_decay_per_s: 0.0,
         inter_system_psd: 0.0,
     },
+    measurement: MeasurementFactors::ONE,
     range: SensorRange {
         rate_radps: 10.0,
         specific_force_mps2: 100.0,
@@ -118,7 +119,7 @@ fn a_filter_that_contradicts_tested_satellites_three_times_is_given_up() {
     let at_epoch = tight.navigator.predict(at(1000));
     let good = tight.finish(&at_epoch).unwrap();
     let mut inconsistent = good;
-    inconsistent.navigation.nis = 1e3;
+    inconsistent.navigation.nis = 1.01e3;
     inconsistent.navigation.nis_rows = 10;
     let mut no_number = good;
     no_number.navigation.nis = f64::NAN;

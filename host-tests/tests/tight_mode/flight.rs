@@ -16,11 +16,12 @@ use surefix_core::frames::rotation;
 use surefix_core::gnss::{Ephemeris, ObservationEpoch, Signal, SignalObservation, System};
 use surefix_core::ingest::{
     MAX_EPOCH_BYTES, encode_configuration, encode_end_of_stream, encode_ephemeris, encode_imu,
-    encode_inertial, encode_observations,
+    encode_inertial, encode_initial_state, encode_observations,
 };
 use surefix_core::ins::gravity::gravity_e;
 use surefix_core::ins::{
-    AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma, SensorRange,
+    AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
+    InitialState, MeasurementFactors, SensorRange,
 };
 use surefix_core::report::EpochReport;
 use surefix_core::time::{GpsTime, NS_PER_S};
@@ -80,6 +81,7 @@ pub fn unit(start: AttitudeStart) -> InertialConfig {
             drift_decay_per_s: 0.0,
             inter_system_psd: 1e-6,
         },
+        measurement: MeasurementFactors::ONE,
         range: RANGE,
         start,
         sigma: InitialSigma {
@@ -265,6 +267,30 @@ fn range_m(ephemeris: &Ephemeris, label_ms: i64, after_s: f64, jump_m: f64) -> (
         SPEED_OF_LIGHT_MPS * (flight_s + bias_s - satellite_s),
         (up.z / up.norm()).asin(),
     )
+}
+
+/// The frame of a true state.
+pub fn initial_state(ms: i64) -> Vec<u8> {
+    let t_s = ms as f64 / 1000.0;
+    let [r_e, v_e, _] = state_e(t_s);
+    let state = InitialState {
+        time: at(ms),
+        r_eb_e_m: r_e.into(),
+        v_eb_e_mps: v_e.into(),
+        q_e_b: rotation::from_matrix(&c_e_b(t_s)).unwrap(),
+        gyro_bias_radps: [0.0; 3],
+        accel_bias_mps2: [0.0; 3],
+        clock_bias_m: CLOCK_M + DRIFT_MPS * t_s,
+        clock_drift_mps: DRIFT_MPS,
+    };
+    frame(|out| encode_initial_state(&state, out).unwrap())
+}
+
+/// Horizontal and vertical way between two reported positions, m.
+pub fn way_m(a: &Row, b: &Row) -> [f64; 2] {
+    let r_e = |row: &Row| Vector3::from(row.report.fix.unwrap().r_e_m);
+    let way = to_e().1.transpose() * (r_e(a) - r_e(b));
+    [way.x.hypot(way.y), way.z.abs()]
 }
 
 /// Sample number `k`, from 1 on.

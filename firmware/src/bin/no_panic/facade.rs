@@ -13,7 +13,7 @@ use surefix_core::gnss::{
 use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, ReferenceModel, SensorRange,
+    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
@@ -104,6 +104,7 @@ pub const UNIT: InertialConfig = InertialConfig {
         drift_decay_per_s: 0.0,
         inter_system_psd: 0.0,
     },
+    measurement: MeasurementFactors::ONE,
     range: SensorRange {
         rate_radps: 10.0,
         specific_force_mps2: 100.0,
