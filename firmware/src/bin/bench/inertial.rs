@@ -10,7 +10,7 @@ use surefix_core::ekf::navigator::Navigator;
 use surefix_core::gnss::{CorrectedEpoch, CorrectedMeasurement, Satellite, System};
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, Increment, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, Intake, Mechanisation, SensorRange, gravity,
+    InitialState, Intake, MeasurementFactors, Mechanisation, SensorRange, gravity,
 };
 use surefix_core::tight::{CLOCKS, JOINT};
 use surefix_core::time::{GpsTime, NS_PER_S};
@@ -32,6 +32,7 @@ pub const UNIT: InertialConfig = InertialConfig {
         drift_decay_per_s: 0.01,
         inter_system_psd: 1e-4,
     },
+    measurement: MeasurementFactors::ONE,
     range: SensorRange {
         rate_radps: 10.0,
         specific_force_mps2: 100.0,

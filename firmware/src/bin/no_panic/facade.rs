@@ -1,6 +1,6 @@
 //! `ingest`, `report`, `snapshot`, `monitor`.
 
-use crate::call::{call1, call2, call3, call4};
+use crate::call::{call1, call2, call3};
 use core::hint::black_box;
 use surefix_core::bank_report::BankReport;
 use surefix_core::budget::{CycleCounter, Ledger, NoCounter};
