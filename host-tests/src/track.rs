@@ -88,7 +88,8 @@ impl Track {
             let elapsed_s = rows
                 .last()
                 .map_or(0.0, |last| time.seconds_since(last.time));
-            if !rows.is_empty() && !(elapsed_s > 0.0 && elapsed_s <= 1.0) {
+            let follows = elapsed_s > 0.0 && elapsed_s <= 1.0;
+            if !(follows || rows.is_empty()) {
                 bail!("rows {elapsed_s} s apart: up to 1 s, and in order, they make a track");
             }
             let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);

@@ -90,7 +90,7 @@ fn scatter(residuals: &[(f64, f64)], out: &mut Vec<f64>) {
     );
 }
 
-/// The factors of the example are what the recording scatters against the RTK track once the clock of
+/// INT-017. The factors of the example are what the recording scatters against the RTK track once the clock of
 /// each epoch, or its drift, is taken out.
 #[test]
 fn the_noise_of_the_walk_is_measured() {
@@ -159,7 +159,7 @@ fn the_noise_of_the_walk_is_measured() {
     assert!((code / factors.pseudorange - 1.0).abs() < 0.2, "{code}");
 }
 
-/// Against RTK: tight not worse than the snapshot solution, better in velocity.
+/// INT-017. Against RTK: tight not worse than the snapshot solution, better in velocity.
 #[test]
 fn a_walk_against_rtk() {
     let Some((mut options, track)) = walk() else {
@@ -309,7 +309,7 @@ fn drive(satellites: usize) -> Option<(ReplayOptions, Hybrid)> {
     Some((options, hybrid))
 }
 
-/// A real unit with satellites taken away: the filter knows how wrong it is, and never calls a
+/// INT-018. A real unit with satellites taken away: the filter knows how wrong it is, and never calls a
 /// position usable that errs by more than its level.
 ///
 /// The ends of 4 windows with 6 numbers of satellites are 144 errors over their own sigma; were they
