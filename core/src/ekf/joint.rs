@@ -4,7 +4,7 @@
 //! | symbol | code        | shape | meaning                                                     |
 //! |--------|-------------|-------|-------------------------------------------------------------|
 //! | u_q    | design      | M     | scalar measurement q is of u_qᵀ x; entries 0..=q, the last 1 |
-//! | e_q    | information | 1     | its 1/σ², 0 where rank is missing                           |
+//! | e_q    | information | 1     | its 1/σ², 0 where rank is missing, below 0 see MAX_GROWTH   |
 //! | G      | covariance  | M × M | of the joint block                                          |
 //! | z_q    | combination | M     | v_q = P z_q for every row of P, entries 0..=q               |
 //! | v_q    | direction   | M     | covariance of all states with measurement q when it is taken |
@@ -29,6 +29,11 @@ use super::layout::JOINT_NAVIGATION;
 /// A pivot below this part of its diagonal entry is rounding: M sums of products of f64 carry about
 /// 1e-15 of it.
 const RANK_TOLERANCE: f64 = 1.0e-13;
+
+/// A pivot that is small, but not by rounding alone, is uncertain by a part of itself, and what the states
+/// before it have of that measurement with it. It comes back in a later pivot, with either sign: taken as
+/// it is, the sum of all is Λ again. None may let a variance grow to more than this multiple.
+const MAX_GROWTH: f64 = 2.0;
 
 /// Most entries of a joint block: position, velocity and four clock states.
 pub(super) const MAX_JOINT: usize = 10;
@@ -170,7 +175,7 @@ impl<const K: usize, const M: usize> PerMeasurement for Factorisation<'_, K, M> 
         }
         let mut pivot = row[q];
         let mut inverse = 1.0 / pivot;
-        if !(pivot > RANK_TOLERANCE * self.information.matrix[q][q]) {
+        if !(libm::fabs(pivot) > RANK_TOLERANCE * self.information.matrix[q][q]) {
             (pivot, inverse, weighted) = (0.0, 0.0, 0.0);
         }
         for s in 0..q {
@@ -225,11 +230,14 @@ fn take_one<const Q: usize, const K: usize, const M: usize>(joint: &mut JointWor
         &mut joint.directions,
     );
     let scalar = &mut joint.scalar[Q];
-    let scale = 1.0 / (1.0 + scalar.information * variance);
+    let mut scale = 1.0 / (1.0 + scalar.information * variance);
+    if !(scale > 0.0 && scale < MAX_GROWTH) {
+        scale = 0.0;
+    }
     let innovation = scalar.weighted - scalar.information * predicted;
     scalar.precision = scalar.information * scale;
     scalar.step = innovation * scale;
-    if scalar.information > 0.0 {
+    if scalar.information != 0.0 {
         joint.taken += innovation * scalar.step / scalar.information;
     }
 }

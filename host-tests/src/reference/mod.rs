@@ -24,6 +24,7 @@ pub mod double;
 pub mod earth;
 pub mod filter;
 pub mod navigator;
+pub mod separation;
 pub mod strapdown;
 pub mod transition;
 
