@@ -67,6 +67,8 @@ fn bank(main: &mut Filter<CLOCKS, JOINT>, criterion: &Criterion<'_>) {
         black_box(&secondaries),
     ));
     if let Some(satellite) = Satellite::new(System::Gps, black_box(1)) {
+        call3(Bank::sub_filter, &bank, satellite, &sub);
+        call3(Bank::secondary, &bank, [satellite; 2], &secondaries);
         black_box(Bank::exclude(
             black_box(&mut bank),
             black_box(satellite),
