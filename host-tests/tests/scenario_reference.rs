@@ -135,6 +135,39 @@ fn the_board_writes_the_same_result() {
     assert!(here.reports == there.reports);
 }
 
+/// On the emulated Cortex-M7 too a fault is detected, isolated and excluded, at the same epoch and by the same
+/// bits; five epochs later the same filters go on.
+#[test]
+fn the_board_excludes_the_same_satellite() {
+    let Some(folder) = common::shared("scenarios/seed000_ramp_tac") else {
+        return;
+    };
+    if let Some(missing) = image::missing() {
+        eprintln!("SKIPPED: {missing}");
+        return;
+    }
+    let mut scenario = Scenario::read(&folder).unwrap();
+    let whole = run::run(&scenario, Machine::Host, &mut |_| {}).unwrap();
+    let [(excluded_at, _)] = whole.result.exclusions()[..] else {
+        panic!("one exclusion: {:?}", whole.result.exclusions());
+    };
+    scenario.epochs.truncate(excluded_at + 1 + 5);
+    let here = run::run(&scenario, Machine::Host, &mut |_| {}).unwrap();
+    let begin = std::time::Instant::now();
+    let there = run::run(&scenario, Machine::Qemu, &mut |_| {}).unwrap();
+    println!(
+        "{} epochs on the board in {:.0} s",
+        there.reports.len(),
+        begin.elapsed().as_secs_f64()
+    );
+    assert_eq!(there.without_solution, 0);
+    assert!(there.losses.is_empty(), "{:?}", there.losses);
+    assert_eq!(there.result.exclusions(), whole.result.exclusions());
+    assert!(there.result.first_detection() <= Some(excluded_at));
+    assert_eq!(here.result.to_text(), there.result.to_text());
+    assert!(here.reports == there.reports);
+}
+
 /// A scenario of three seconds at rest, written by hand.
 fn small_scenario(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
