@@ -311,6 +311,16 @@ fn a_folder_that_cannot_be_used_is_refused_with_file_line_and_column() {
         "p_fa,2",
         &["init.csv, line", "p_fa", "between 0 and 1"],
     );
+    let folder = small_scenario("scenario-one-sample");
+    let imu = std::fs::read_to_string(folder.join("imu.csv")).unwrap();
+    let first: Vec<&str> = imu.lines().take(2).collect();
+    std::fs::write(folder.join("imu.csv"), first.join("\n")).unwrap();
+    let (code, message) = surefix(&[&folder, Path::new("--out"), &folder.join("out")]);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(
+        message.contains("imu.csv holds a single sample: give the samples"),
+        "{message}"
+    );
     let missing = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scenario-missing");
     let (code, message) = surefix(&[&missing, Path::new("--out"), &missing]);
     assert_eq!(code, Some(2));
