@@ -13,7 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{campaign, output, report, scenario, simulate};
+use surefix_host_tests::{araim, campaign, output, report, scenario, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -31,6 +31,7 @@ enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
     Scenario(scenario::run::Args),
+    Araim(araim::Args),
     /// Simulate a flight: the bytes a receiver would send, and the truth
     Simulate(simulate::Command),
     /// Many trials of one question, counted
@@ -280,6 +281,10 @@ fn main() -> ExitCode {
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
         Command::Scenario(arguments) => run_scenario(arguments),
+        Command::Araim(arguments) => araim::run(arguments).map(|failed| match failed {
+            0 => ExitCode::SUCCESS,
+            _ => ExitCode::from(1),
+        }),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),

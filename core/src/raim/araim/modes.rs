@@ -1,0 +1,449 @@
+//! The faults to monitor: events of satellites and constellations until what is left is unlikely.
+//!
+//! In: fault probabilities of satellites and constellations, P_THRES, F_C. Out: [`ModeList`], each mode the
+//! set of satellites that its solution leaves out and the probability of the events it stands for.
+//!
+//! An event is a set of satellites and constellations that are faulty at once while the others are not;
+//! its probability is ∏ p ∏ (1 − p). Events that make the same satellites faulty are one mode. An event
+//! within one constellation and no more likely than F_C P_const is counted to the fault of the whole
+//! constellation, whose solution leaves its satellites out as well (consolidation).
+//!
+//! Order and end: a mode more likely than P_THRES must be monitored. The others follow by the number of
+//! satellites left out, then by index, until the probability that is left is at most P_THRES.
+//!
+//! Source: [ARAIM-ADD] fault modes; order and consolidation: docs/decisions/007-araim.md.
+//! Cost: one pass over at most 3,682 events; 407 with two faults at a time.
+
+use super::{
+    AraimConstellation, AraimError, AraimParameters, AraimSatellite, MAX_ARAIM_SATELLITES,
+    MAX_CONSTELLATIONS, MAX_MODES,
+};
+
+/// Most satellites and constellations that are faulty at once. Two are always counted; three when two
+/// leave more than P_THRES.
+pub const MAX_SIMULTANEOUS: usize = 3;
+
+const MAX_ELEMENTS: usize = MAX_ARAIM_SATELLITES + MAX_CONSTELLATIONS;
+
+const _: () = assert!(
+    MAX_ARAIM_SATELLITES <= 32,
+    "a satellite set is a 32-bit mask"
+);
+
+/// A set of satellites of the epoch.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SatelliteSet {
+    bits: u32,
+}
+
+impl SatelliteSet {
+    /// No satellite.
+    pub const EMPTY: Self = Self { bits: 0 };
+
+    /// The satellites 0 to n − 1, at most 32.
+    pub fn first(n: usize) -> Self {
+        Self {
+            bits: if n < 32 { (1 << n) - 1 } else { u32::MAX },
+        }
+    }
+
+    /// This set and the satellite of this index; indices from 32 on change nothing.
+    pub fn with(self, index: usize) -> Self {
+        self.union(Self::only(index))
+    }
+
+    fn only(index: usize) -> Self {
+        Self {
+            bits: if index < 32 { 1 << index } else { 0 },
+        }
+    }
+
+    /// Satellites of either.
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            bits: self.bits | other.bits,
+        }
+    }
+
+    /// Satellites of this one that the other has not.
+    pub fn without(self, other: Self) -> Self {
+        Self {
+            bits: self.bits & !other.bits,
+        }
+    }
+
+    /// Whether the satellite is in the set.
+    pub fn contains(self, index: usize) -> bool {
+        self.bits & Self::only(index).bits != 0
+    }
+
+    /// Whether every satellite of the other set is in this one.
+    pub fn contains_all(self, other: Self) -> bool {
+        other.bits & !self.bits == 0
+    }
+
+    /// How many.
+    pub fn len(self) -> usize {
+        self.bits.count_ones() as usize
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(self) -> bool {
+        self.bits == 0
+    }
+
+    /// The indices, ascending.
+    pub fn iter(self) -> impl Iterator<Item = usize> {
+        let mut rest = self.bits;
+        core::iter::from_fn(move || {
+            if rest == 0 {
+                return None;
+            }
+            let index = rest.trailing_zeros();
+            rest &= rest.wrapping_sub(1);
+            Some(index as usize)
+        })
+    }
+
+    /// Sorts sets by their number of satellites, then as lists of ascending indices.
+    fn order(self) -> u64 {
+        // Of two lists of one length the one with the smaller first difference comes first: the one that
+        // holds the lowest index in which the sets differ.
+        (u64::from(self.bits.count_ones()) << 32) | u64::from(!self.bits.reverse_bits())
+    }
+}
+
+/// Satellites that may be faulty at once, and how likely that is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FaultMode {
+    /// The satellites its solution leaves out.
+    pub excluded: SatelliteSet,
+    /// Probability that it is there at a given instant; 1 for the fault-free mode.
+    pub p_instant: f64,
+    /// Probability that it is there during the exposure.
+    pub p_exposure: f64,
+    /// Whether what it leaves determines the position.
+    pub is_monitored: bool,
+}
+
+impl FaultMode {
+    const EMPTY: Self = Self {
+        excluded: SatelliteSet::EMPTY,
+        p_instant: 0.0,
+        p_exposure: 0.0,
+        is_monitored: false,
+    };
+}
+
+/// A satellite or a constellation that may be faulty.
+#[derive(Clone, Copy, Debug)]
+struct Element {
+    satellites: SatelliteSet,
+    /// p/(1 − p), at the instant and over the exposure.
+    odds: [f64; 2],
+}
+
+impl Element {
+    const EMPTY: Self = Self {
+        satellites: SatelliteSet::EMPTY,
+        odds: [0.0; 2],
+    };
+}
+
+/// Satellites of a constellation, and the most an event within it may have to be counted to it.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    satellites: SatelliteSet,
+    consolidation_limit: f64,
+}
+
+/// The modes of an epoch.
+#[derive(Clone, Debug)]
+pub(super) struct ModeList {
+    p_not_monitored: f64,
+    count: usize,
+    modes: [FaultMode; MAX_MODES],
+    elements: [Element; MAX_ELEMENTS],
+    element_count: usize,
+    groups: [Group; MAX_CONSTELLATIONS],
+}
+
+impl ModeList {
+    /// No modes.
+    pub(super) const EMPTY: Self = Self {
+        p_not_monitored: 1.0,
+        count: 0,
+        modes: [FaultMode::EMPTY; MAX_MODES],
+        elements: [Element::EMPTY; MAX_ELEMENTS],
+        element_count: 0,
+        groups: [Group {
+            satellites: SatelliteSet::EMPTY,
+            consolidation_limit: 0.0,
+        }; MAX_CONSTELLATIONS],
+    };
+
+    /// The modes, the fault-free one first.
+    pub(super) fn modes(&self) -> &[FaultMode] {
+        self.modes.get(..self.count).unwrap_or(&[])
+    }
+
+    /// The modes, to say which are monitored.
+    pub(super) fn modes_mut(&mut self) -> &mut [FaultMode] {
+        self.modes.get_mut(..self.count).unwrap_or(&mut [])
+    }
+
+    /// Probability, over the exposure, of the events that no mode stands for.
+    pub(super) fn p_not_monitored(&self) -> f64 {
+        self.p_not_monitored
+    }
+
+    /// Lists the modes. The satellites and constellations have been checked.
+    ///
+    /// # Errors
+    /// [`AraimError::ModesExceedCapacity`], [`AraimError::FaultsTooLikely`].
+    pub(super) fn enumerate(
+        &mut self,
+        satellites: &[AraimSatellite],
+        constellations: &[AraimConstellation],
+        parameters: &AraimParameters,
+    ) -> Result<(), AraimError> {
+        let p_fault_free = self.collect(satellites, constellations, parameters);
+        for simultaneous in 2..=MAX_SIMULTANEOUS {
+            self.list(simultaneous, p_fault_free)?;
+            self.select(p_fault_free, parameters.p_threshold);
+            if self.p_not_monitored <= parameters.p_threshold {
+                return Ok(());
+            }
+        }
+        Err(AraimError::FaultsTooLikely {
+            p_not_monitored: self.p_not_monitored,
+        })
+    }
+
+    /// Gathers what can be faulty; the probabilities that nothing is.
+    fn collect(
+        &mut self,
+        satellites: &[AraimSatellite],
+        constellations: &[AraimConstellation],
+        parameters: &AraimParameters,
+    ) -> [f64; 2] {
+        self.element_count = 0;
+        let mut p_fault_free = [1.0; 2];
+        for (index, satellite) in satellites.iter().enumerate() {
+            let set = SatelliteSet::only(index);
+            let p = [
+                satellite.p_fault,
+                satellite.p_fault * (1.0 + satellite.exposure),
+            ];
+            self.add_element(set, p, &mut p_fault_free);
+        }
+        for group in &mut self.groups {
+            group.satellites = SatelliteSet::EMPTY;
+        }
+        for (index, satellite) in satellites.iter().enumerate() {
+            if let Some(group) = self.groups.get_mut(satellite.constellation) {
+                group.satellites = group.satellites.with(index);
+            }
+        }
+        for (index, constellation) in constellations.iter().enumerate() {
+            let p_exposure = constellation.p_fault * (1.0 + constellation.exposure);
+            let Some(group) = self.groups.get_mut(index) else {
+                break;
+            };
+            group.consolidation_limit = parameters.consolidation_share * p_exposure;
+            let set = group.satellites;
+            if !set.is_empty() {
+                self.add_element(set, [constellation.p_fault, p_exposure], &mut p_fault_free);
+            }
+        }
+        p_fault_free
+    }
+
+    /// What cannot be faulty is no element.
+    fn add_element(&mut self, satellites: SatelliteSet, p: [f64; 2], p_fault_free: &mut [f64; 2]) {
+        let [p_instant, p_exposure] = p;
+        let [free_instant, free_exposure] = p_fault_free;
+        if p_instant > 0.0
+            && let Some(element) = self.elements.get_mut(self.element_count)
+        {
+            *element = Element {
+                satellites,
+                odds: [
+                    p_instant / (1.0 - p_instant),
+                    p_exposure / (1.0 - p_exposure),
+                ],
+            };
+            self.element_count += 1;
+            *free_instant *= 1.0 - p_instant;
+            *free_exposure *= 1.0 - p_exposure;
+        }
+    }
+
+    /// Every event of 1 to `simultaneous` elements, counted to its mode.
+    fn list(&mut self, simultaneous: usize, p_fault_free: [f64; 2]) -> Result<(), AraimError> {
+        self.count = 0;
+        let elements = self.elements;
+        let elements = elements.get(..self.element_count).unwrap_or(&[]);
+        let none = (SatelliteSet::EMPTY, p_fault_free);
+        let join = |(set, [instant, exposure]): (SatelliteSet, [f64; 2]), element: &Element| {
+            let [odds_instant, odds_exposure] = element.odds;
+            (
+                set.union(element.satellites),
+                [instant * odds_instant, exposure * odds_exposure],
+            )
+        };
+        // One pass per size, so that the list comes out almost sorted.
+        for size in 1..=simultaneous {
+            let mut after_first = elements;
+            while let Some((first, rest)) = after_first.split_first() {
+                after_first = rest;
+                let one = join(none, first);
+                if size == 1 {
+                    self.count_event(one)?;
+                    continue;
+                }
+                let mut after_second = rest;
+                while let Some((second, rest)) = after_second.split_first() {
+                    after_second = rest;
+                    let two = join(one, second);
+                    if size == 2 {
+                        self.count_event(two)?;
+                        continue;
+                    }
+                    for third in rest {
+                        self.count_event(join(two, third))?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn count_event(&mut self, (set, p): (SatelliteSet, [f64; 2])) -> Result<(), AraimError> {
+        let [p_instant, p_exposure] = p;
+        let mut excluded = set;
+        let mut covers_a_constellation = false;
+        for group in &self.groups {
+            if group.satellites.is_empty() {
+                continue;
+            }
+            if group.satellites.contains_all(set)
+                && set != group.satellites
+                && p_exposure <= group.consolidation_limit
+            {
+                excluded = group.satellites;
+            }
+            covers_a_constellation |= excluded.contains_all(group.satellites);
+        }
+        // Only through a constellation do two events make the same satellites faulty.
+        let listed = self.modes.get_mut(..self.count).unwrap_or(&mut []);
+        if covers_a_constellation
+            && let Some(mode) = listed.iter_mut().find(|mode| mode.excluded == excluded)
+        {
+            mode.p_instant += p_instant;
+            mode.p_exposure += p_exposure;
+            return Ok(());
+        }
+        // The last place stays free for the fault-free mode.
+        if self.count + 1 >= MAX_MODES {
+            return Err(AraimError::ModesExceedCapacity);
+        }
+        let mode = self
+            .modes
+            .get_mut(self.count)
+            .ok_or(AraimError::ModesExceedCapacity)?;
+        *mode = FaultMode {
+            excluded,
+            p_instant,
+            p_exposure,
+            is_monitored: false,
+        };
+        self.count += 1;
+        Ok(())
+    }
+
+    /// Sorts, keeps what must be monitored, and puts the fault-free mode in front.
+    fn select(&mut self, p_fault_free: [f64; 2], p_threshold: f64) {
+        let [_, fault_free_exposure] = p_fault_free;
+        let key = |mode: &FaultMode| {
+            // The number of satellites needs six bits above bit 31.
+            let optional = u64::from(mode.p_exposure <= p_threshold) << 63;
+            optional | mode.excluded.order()
+        };
+        let listed = self.modes.get_mut(..self.count).unwrap_or(&mut []);
+        insertion_sort(listed, key);
+        let mut left = 1.0 - fault_free_exposure;
+        let mut kept = 0;
+        for mode in listed.iter() {
+            if mode.p_exposure <= p_threshold && left <= p_threshold {
+                break;
+            }
+            left -= mode.p_exposure;
+            kept += 1;
+        }
+        let mut before = FaultMode {
+            excluded: SatelliteSet::EMPTY,
+            p_instant: 1.0,
+            p_exposure: fault_free_exposure,
+            is_monitored: false,
+        };
+        for mode in self.modes.iter_mut().take(kept + 1) {
+            core::mem::swap(mode, &mut before);
+        }
+        self.count = kept + 1;
+        // Rounding of a sum near one.
+        self.p_not_monitored = if left > 0.0 { left } else { 0.0 };
+    }
+
+    /// The modes of `other` as a receiver sees them that no longer uses the satellites `gone`: what they
+    /// leave out beyond those. Modes that become the same are one; those within `gone` are none. What
+    /// `other` does not monitor is not taken over.
+    pub(super) fn restrict(&mut self, other: &Self, gone: SatelliteSet) {
+        self.count = 0;
+        self.p_not_monitored = other.p_not_monitored;
+        for mode in other.modes().iter().filter(|mode| mode.is_monitored) {
+            let restricted = FaultMode {
+                excluded: mode.excluded.without(gone),
+                ..*mode
+            };
+            let listed = self.modes.get_mut(..self.count).unwrap_or(&mut []);
+            let known = listed
+                .iter_mut()
+                .find(|mode| mode.excluded == restricted.excluded);
+            match known {
+                // The first is the fault-free one, whose probability counts as one already.
+                Some(known) if known.excluded.is_empty() => {}
+                Some(known) => {
+                    known.p_instant += restricted.p_instant;
+                    known.p_exposure += restricted.p_exposure;
+                }
+                None => {
+                    if let Some(mode) = self.modes.get_mut(self.count) {
+                        *mode = restricted;
+                        self.count += 1;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Stable, in place, fast on what is almost sorted.
+fn insertion_sort(modes: &mut [FaultMode], key: impl Fn(&FaultMode) -> u64) {
+    for end in 2..=modes.len() {
+        let Some((last, sorted)) = modes.get_mut(..end).and_then(<[_]>::split_last_mut) else {
+            return;
+        };
+        let moving = *last;
+        let moving_key = key(&moving);
+        let mut hole = last;
+        for earlier in sorted.iter_mut().rev() {
+            if key(earlier) <= moving_key {
+                break;
+            }
+            *hole = *earlier;
+            hole = earlier;
+        }
+        *hole = moving;
+    }
+}
