@@ -246,6 +246,7 @@ impl<'a> Case<'a> {
             p_threshold: fields.parameter("p_thres")?,
             p_emt: fields.parameter("p_emt")?,
             consolidation_share: fields.parameter("fc_thres")?,
+            simultaneous_at_least: 2,
             samples_integrity: fields.parameter("n_es_int")?,
             samples_continuity: fields.parameter("n_es_cont")?,
         };
@@ -317,6 +318,7 @@ impl<'a> Case<'a> {
                     ParameterField::PThreshold => "p_thres",
                     ParameterField::PEmt => "p_emt",
                     ParameterField::ConsolidationShare => "fc_thres",
+                    ParameterField::SimultaneousAtLeast => "simultaneous_at_least",
                     ParameterField::SamplesIntegrity => "n_es_int",
                     ParameterField::SamplesContinuity => "n_es_cont",
                 };

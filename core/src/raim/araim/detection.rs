@@ -31,7 +31,7 @@ pub struct Detection {
     pub largest: usize,
     /// Weighted sum of squared residuals, weights for integrity, 1.
     pub sum_of_squares: f64,
-    /// The same residuals with weights for accuracy, 1: what the sanity check tests.
+    /// The same of the solution with weights for accuracy, 1: what the sanity check tests.
     pub sum_of_squares_accuracy: f64,
     /// Threshold of the sanity check; `None` without redundancy.
     pub chi_square_threshold: Option<f64>,

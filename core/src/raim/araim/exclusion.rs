@@ -3,9 +3,11 @@
 //! In: an evaluated epoch whose tests failed, its measurements. Out: [`AraimExclusion`], the mode taken out,
 //! the position without it, and levels that count the risk of having taken out the wrong one.
 //!
-//! Candidates are the monitored modes, those first whose removal leaves the least sum of squares per degree
-//! of freedom. The first is taken out whose remaining satellites pass all their own tests: separations
-//! against the modes that are still possible, and the sum of squares.
+//! Candidates are the monitored modes, the most likely first: by the sum of squares that remains, the prior,
+//! and [`PENALTY_PER_DEGREE`] for each degree of freedom that a mode takes (a constellation explains almost
+//! anything). The first is taken out whose remaining satellites pass all their own tests: separations
+//! against the modes that are still possible, and the sum of squares. The order decides what is available,
+//! not what is safe.
 //!
 //! Risk. A receiver that may exclude has J + 1 outcomes, J monitored fault modes: nothing excluded, or one of
 //! them. Each gets an equal share 1/(J + 1) of the integrity risk. In the outcome "j excluded" the remaining
@@ -24,6 +26,9 @@ use super::{Araim, AraimConstellation, AraimError, AraimParameters, AraimSatelli
 
 /// Most candidates tried.
 pub const MAX_CANDIDATES: usize = 8;
+
+/// Twice the logarithm of 100: a fault of unknown size, spread over a hundred sigmas, per degree.
+const PENALTY_PER_DEGREE: f64 = 9.210_340_371_976_184;
 
 /// A fault taken out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,11 +58,11 @@ impl From<AraimError> for NotExcluded {
     }
 }
 
-/// A mode whose removal was tried on the sum of squares.
+/// A mode and how likely it is: minus twice the logarithm, up to a constant.
 #[derive(Clone, Copy)]
 struct Candidate {
     excluded: SatelliteSet,
-    per_degree: f64,
+    score: f64,
 }
 
 impl Araim {
@@ -128,7 +133,7 @@ impl Araim {
         Err(NotExcluded::Unexplained)
     }
 
-    /// The modes that leave the least sum of squares per degree of freedom, best first.
+    /// The modes most likely to be there, best first.
     fn candidates(
         &mut self,
         residual_m: &[f64],
@@ -142,20 +147,19 @@ impl Araim {
                 continue;
             }
             let (_, reduction) = self.all_in_view.separation(&self.leave_out, &fit);
-            let redundancy = self
-                .all_in_view
-                .redundancy()
-                .saturating_sub(self.leave_out.rank());
-            if redundancy == 0 {
+            let rank = self.leave_out.rank();
+            if self.all_in_view.redundancy() <= rank {
                 continue;
             }
             let mut entry = Some(Candidate {
                 excluded,
-                per_degree: (fit.sum_of_squares - reduction) / redundancy as f64,
+                score: PENALTY_PER_DEGREE * rank as f64
+                    - reduction
+                    - 2.0 * libm::log(subset.p_instant),
             });
             for place in &mut best {
                 let is_better = match (&entry, &place) {
-                    (Some(new), Some(old)) => new.per_degree < old.per_degree,
+                    (Some(new), Some(old)) => new.score < old.score,
                     (new, _) => new.is_some(),
                 };
                 if is_better {

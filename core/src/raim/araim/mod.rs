@@ -105,6 +105,9 @@ pub struct AraimParameters {
     /// A fault of several satellites of a constellation counts as a fault of all of it when it is no
     /// more likely than this share of the constellation's own fault, F_C.
     pub consolidation_share: f64,
+    /// Faults at a time that are listed at least, 1 to [`modes::MAX_SIMULTANEOUS`]. From 2 on, what happens
+    /// within a constellation together with its own fault is monitored with it.
+    pub simultaneous_at_least: usize,
     /// Effective number of independent samples in the exposure, for integrity, at least 1.
     pub samples_integrity: f64,
     /// The same for continuity, at least 1.
@@ -121,6 +124,7 @@ impl AraimParameters {
         p_threshold: 8e-8,
         p_emt: 1e-5,
         consolidation_share: 0.01,
+        simultaneous_at_least: 2,
         samples_integrity: 1.0,
         samples_continuity: 1.0,
     };
@@ -160,6 +164,11 @@ impl AraimParameters {
                 Field::ConsolidationShare,
                 self.consolidation_share,
                 self.consolidation_share >= 0.0 && self.consolidation_share <= 1.0,
+            ),
+            (
+                Field::SimultaneousAtLeast,
+                self.simultaneous_at_least as f64,
+                (1..=modes::MAX_SIMULTANEOUS).contains(&self.simultaneous_at_least),
             ),
             (
                 Field::SamplesIntegrity,
@@ -221,6 +230,8 @@ pub enum ParameterField {
     PEmt,
     /// `consolidation_share`.
     ConsolidationShare,
+    /// `simultaneous_at_least`.
+    SimultaneousAtLeast,
     /// `samples_integrity`.
     SamplesIntegrity,
     /// `samples_continuity`.

@@ -19,8 +19,8 @@ use super::{
     MAX_CONSTELLATIONS, MAX_MODES,
 };
 
-/// Most satellites and constellations that are faulty at once. Two are always counted; three when two
-/// leave more than P_THRES.
+/// Most satellites and constellations that are faulty at once. More than the parameters ask for are counted
+/// when fewer leave more than P_THRES.
 pub const MAX_SIMULTANEOUS: usize = 3;
 
 const MAX_ELEMENTS: usize = MAX_ARAIM_SATELLITES + MAX_CONSTELLATIONS;
@@ -208,7 +208,7 @@ impl ModeList {
         parameters: &AraimParameters,
     ) -> Result<(), AraimError> {
         let p_fault_free = self.collect(satellites, constellations, parameters);
-        for simultaneous in 2..=MAX_SIMULTANEOUS {
+        for simultaneous in parameters.simultaneous_at_least..=MAX_SIMULTANEOUS {
             self.list(simultaneous, p_fault_free)?;
             self.select(p_fault_free, parameters.p_threshold);
             if self.p_not_monitored <= parameters.p_threshold {

@@ -69,6 +69,78 @@ impl SubsetSolution {
     };
 }
 
+/// Directions without the clocks, and the covariance of the position, for one set of variances.
+#[derive(Clone, Debug)]
+struct Whitened {
+    /// √W, 1/m; zero for a satellite that is not in use.
+    roots: [f64; MAX_ARAIM_SATELLITES],
+    /// A.
+    rows: [[f64; 3]; MAX_ARAIM_SATELLITES],
+    /// Sum of W per constellation.
+    weight_sums: [f64; MAX_CONSTELLATIONS],
+    /// P.
+    covariance_m2: [f64; 6],
+}
+
+impl Whitened {
+    const EMPTY: Self = Self {
+        roots: [0.0; MAX_ARAIM_SATELLITES],
+        rows: [[0.0; 3]; MAX_ARAIM_SATELLITES],
+        weight_sums: [0.0; MAX_CONSTELLATIONS],
+        covariance_m2: [0.0; 6],
+    };
+
+    fn form(
+        &mut self,
+        satellites: &[AraimSatellite],
+        active: SatelliteSet,
+        variance_m2: impl Fn(&AraimSatellite) -> f64,
+    ) -> Result<(), AraimError> {
+        *self = Self::EMPTY;
+        let mut means = [[0.0; 3]; MAX_CONSTELLATIONS];
+        for ((index, satellite), root) in satellites.iter().enumerate().zip(&mut self.roots) {
+            if !active.contains(index) {
+                continue;
+            }
+            let weight = 1.0 / variance_m2(satellite);
+            *root = libm::sqrt(weight);
+            if let (Some(sum), Some(mean)) = (
+                self.weight_sums.get_mut(satellite.constellation),
+                means.get_mut(satellite.constellation),
+            ) {
+                *sum += weight;
+                for (mean, entry) in mean.iter_mut().zip(&satellite.design_enu) {
+                    *mean += weight * entry;
+                }
+            }
+        }
+        for (mean, sum) in means.iter_mut().zip(&self.weight_sums) {
+            for entry in mean {
+                *entry = if *sum > 0.0 { *entry / sum } else { 0.0 };
+            }
+        }
+        let mut information = [0.0; 6];
+        let rows = self.rows.iter_mut().zip(&self.roots);
+        for (satellite, (row, root)) in satellites.iter().zip(rows) {
+            let mean = means.get(satellite.constellation);
+            let [mean_east, mean_north, mean_up] = mean.copied().unwrap_or_default();
+            let [east, north, up] = satellite.design_enu;
+            let [e, n, u] = [
+                root * (east - mean_east),
+                root * (north - mean_north),
+                root * (up - mean_up),
+            ];
+            let products = [e * e, e * n, e * u, n * n, n * u, u * u];
+            for (sum, product) in information.iter_mut().zip(products) {
+                *sum += product;
+            }
+            *row = [e, n, u];
+        }
+        self.covariance_m2 = inverse(&information).ok_or(AraimError::SingularGeometry)?;
+        Ok(())
+    }
+}
+
 /// What the solution with all satellites needs of each.
 #[derive(Clone, Copy, Debug)]
 struct Row {
@@ -77,8 +149,6 @@ struct Row {
     /// √W b_int and √W b_acc.
     bias_integrity: f64,
     bias_accuracy: f64,
-    /// √W, 1/m.
-    weight_root: f64,
 }
 
 impl Row {
@@ -87,7 +157,6 @@ impl Row {
         accuracy_ratio: 0.0,
         bias_integrity: 0.0,
         bias_accuracy: 0.0,
-        weight_root: 0.0,
     };
 }
 
@@ -98,7 +167,8 @@ pub(super) struct AllInView {
     unknowns: usize,
     active: SatelliteSet,
     constellations: [SatelliteSet; MAX_CONSTELLATIONS],
-    variance_m2: [f64; 3],
+    integrity: Whitened,
+    accuracy: Whitened,
     rows: [Row; MAX_ARAIM_SATELLITES],
     residual: [[f64; MAX_ARAIM_SATELLITES]; MAX_ARAIM_SATELLITES],
 }
@@ -147,7 +217,7 @@ pub(super) struct Fit {
     /// Whitened.
     pub residual: [f64; MAX_ARAIM_SATELLITES],
     pub sum_of_squares: f64,
-    /// Weighted by 1/C_acc instead of 1/C_int.
+    /// Of the solution weighted by 1/C_acc instead of 1/C_int.
     pub sum_of_squares_accuracy: f64,
 }
 
@@ -157,7 +227,8 @@ impl AllInView {
         unknowns: 0,
         active: SatelliteSet::EMPTY,
         constellations: [SatelliteSet::EMPTY; MAX_CONSTELLATIONS],
-        variance_m2: [0.0; 3],
+        integrity: Whitened::EMPTY,
+        accuracy: Whitened::EMPTY,
         rows: [Row::EMPTY; MAX_ARAIM_SATELLITES],
         residual: [[0.0; MAX_ARAIM_SATELLITES]; MAX_ARAIM_SATELLITES],
     };
@@ -189,27 +260,11 @@ impl AllInView {
     ) -> Result<(), AraimError> {
         self.n = satellites.len();
         self.active = active;
-        let mut weight_sum = [0.0; MAX_CONSTELLATIONS];
-        let mut mean = [[0.0; 3]; MAX_CONSTELLATIONS];
         self.constellations = [SatelliteSet::EMPTY; MAX_CONSTELLATIONS];
-        let used = || {
-            satellites
-                .iter()
-                .enumerate()
-                .filter(|(index, _)| active.contains(*index))
-        };
-        for (index, satellite) in used() {
-            let weight = 1.0 / satellite.variance_integrity_m2;
-            let constellation = satellite.constellation;
-            if let (Some(sum), Some(mean), Some(set)) = (
-                weight_sum.get_mut(constellation),
-                mean.get_mut(constellation),
-                self.constellations.get_mut(constellation),
-            ) {
-                *sum += weight;
-                for (mean, entry) in mean.iter_mut().zip(&satellite.design_enu) {
-                    *mean += weight * entry;
-                }
+        for (index, satellite) in satellites.iter().enumerate() {
+            if active.contains(index)
+                && let Some(set) = self.constellations.get_mut(satellite.constellation)
+            {
                 *set = set.with(index);
             }
         }
@@ -221,78 +276,54 @@ impl AllInView {
                 unknowns: self.unknowns,
             });
         }
-        for (mean, sum) in mean.iter_mut().zip(&weight_sum) {
-            for entry in mean {
-                *entry = if *sum > 0.0 { *entry / sum } else { 0.0 };
-            }
-        }
+        self.integrity.form(satellites, active, |satellite| {
+            satellite.variance_integrity_m2
+        })?;
+        self.accuracy.form(satellites, active, |satellite| {
+            satellite.variance_accuracy_m2
+        })?;
 
-        // A, for the moment in the place of B.
         self.rows = [Row::EMPTY; MAX_ARAIM_SATELLITES];
-        let mut information = [0.0; 6];
-        for ((index, satellite), row) in satellites.iter().enumerate().zip(&mut self.rows) {
-            if !active.contains(index) {
-                continue;
-            }
-            let root = 1.0 / libm::sqrt(satellite.variance_integrity_m2);
-            let [mean_east, mean_north, mean_up] = mean
-                .get(satellite.constellation)
-                .copied()
-                .unwrap_or_default();
-            let [east, north, up] = satellite.design_enu;
-            let [e, n, u] = [
-                root * (east - mean_east),
-                root * (north - mean_north),
-                root * (up - mean_up),
-            ];
-            let products = [e * e, e * n, e * u, n * n, n * u, u * u];
-            for (sum, product) in information.iter_mut().zip(products) {
-                *sum += product;
-            }
+        let whitened = self.integrity.rows.iter().zip(&self.integrity.roots);
+        for (satellite, (row, (direction, root))) in
+            satellites.iter().zip(self.rows.iter_mut().zip(whitened))
+        {
             *row = Row {
-                gain: [e, n, u],
+                gain: times(&self.integrity.covariance_m2, direction),
                 accuracy_ratio: satellite.variance_accuracy_m2 / satellite.variance_integrity_m2,
                 bias_integrity: root * satellite.bias_integrity_m,
                 bias_accuracy: root * satellite.bias_accuracy_m,
-                weight_root: root,
             };
         }
-        let covariance = inverse(&information).ok_or(AraimError::SingularGeometry)?;
-        let [ee, _, _, nn, _, uu] = covariance;
-        self.variance_m2 = [ee, nn, uu];
-        self.form_residual(satellites, &covariance, &weight_sum);
-        for row in &mut self.rows {
-            row.gain = times(&covariance, &row.gain);
-        }
+        self.form_residual(satellites);
         Ok(())
     }
 
     /// R = I − √w √wᵀ/Σw within a constellation − A P Aᵀ.
-    fn form_residual(
-        &mut self,
-        satellites: &[AraimSatellite],
-        covariance: &[f64; 6],
-        weight_sum: &[f64; MAX_CONSTELLATIONS],
-    ) {
-        for ((index, satellite), residual) in satellites.iter().enumerate().zip(&mut self.residual)
+    fn form_residual(&mut self, satellites: &[AraimSatellite]) {
+        let Whitened {
+            roots,
+            rows: directions,
+            weight_sums,
+            ..
+        } = &self.integrity;
+        let this = self.residual.iter_mut().zip(roots).zip(&self.rows);
+        for ((index, satellite), ((residual, root), row)) in satellites.iter().enumerate().zip(this)
         {
             *residual = [0.0; MAX_ARAIM_SATELLITES];
-            let Some(this) = self.rows.get(index) else {
-                return;
-            };
-            let gain = times(covariance, &this.gain);
-            let sum = weight_sum.get(satellite.constellation).copied();
-            let scale = match sum {
-                Some(sum) if sum > 0.0 => this.weight_root / sum,
+            let scale = match weight_sums.get(satellite.constellation) {
+                Some(sum) if *sum > 0.0 => root / sum,
                 _ => 0.0,
             };
-            let others = satellites.iter().zip(&self.rows).enumerate();
-            for ((other_index, (other, row)), entry) in others.zip(residual.iter_mut()) {
+            let others = satellites.iter().zip(roots.iter().zip(directions));
+            for ((other_index, (other, (other_root, direction))), entry) in
+                others.enumerate().zip(residual.iter_mut())
+            {
                 let mut value = if other_index == index { 1.0 } else { 0.0 };
                 if other.constellation == satellite.constellation {
-                    value -= scale * row.weight_root;
+                    value -= scale * other_root;
                 }
-                *entry = value - dot(&gain, &row.gain);
+                *entry = value - dot(&row.gain, direction);
             }
         }
     }
@@ -366,7 +397,8 @@ impl AllInView {
 
     /// Spreads and biases of the solution whose updates were found.
     pub(super) fn solution(&self, leave_out: &LeaveOut, solution: &mut SubsetSolution) {
-        let mut variance = self.variance_m2;
+        let [ee, _, _, nn, _, uu] = self.integrity.covariance_m2;
+        let mut variance = [ee, nn, uu];
         let mut coefficients = [[0.0; 3]; MAX_ARAIM_SATELLITES];
         for step in leave_out.steps() {
             let factor = step.gain.map(|gain| gain * step.inverse_pivot);
@@ -414,8 +446,11 @@ impl AllInView {
     pub(super) fn fit(&self, residual_m: &[f64]) -> Fit {
         let mut whitened = [0.0; MAX_ARAIM_SATELLITES];
         let mut position_enu_m = [0.0; 3];
-        for ((entry, given), row) in whitened.iter_mut().zip(residual_m).zip(&self.rows) {
-            *entry = given * row.weight_root;
+        let scaled = whitened
+            .iter_mut()
+            .zip(residual_m.iter().zip(&self.integrity.roots));
+        for ((entry, (given, root)), row) in scaled.zip(&self.rows) {
+            *entry = given * root;
             for (sum, gain) in position_enu_m.iter_mut().zip(&row.gain) {
                 *sum += gain * *entry;
             }
@@ -426,8 +461,8 @@ impl AllInView {
             sum_of_squares: 0.0,
             sum_of_squares_accuracy: 0.0,
         };
-        let rows = self.residual.iter().zip(&self.rows).take(self.n);
-        for ((index, (coefficients, row)), entry) in rows.enumerate().zip(&mut fit.residual) {
+        let rows = self.residual.iter().take(self.n).enumerate();
+        for ((index, coefficients), entry) in rows.zip(&mut fit.residual) {
             if !self.active.contains(index) {
                 continue;
             }
@@ -437,9 +472,48 @@ impl AllInView {
             }
             *entry = sum;
             fit.sum_of_squares += sum * sum;
-            fit.sum_of_squares_accuracy += sum * sum / row.accuracy_ratio;
         }
+        fit.sum_of_squares_accuracy = self.sum_of_squares_accuracy(&fit.residual);
         fit
+    }
+
+    /// Least sum of squares with the weights for accuracy, from the residuals of the other solution.
+    fn sum_of_squares_accuracy(&self, residual: &[f64; MAX_ARAIM_SATELLITES]) -> f64 {
+        let accuracy = &self.accuracy;
+        // √W_acc times the residual in metres, then without the clocks.
+        let mut scaled = [0.0; MAX_ARAIM_SATELLITES];
+        let roots = accuracy.roots.iter().zip(&self.integrity.roots);
+        for ((entry, value), (root, integrity_root)) in scaled.iter_mut().zip(residual).zip(roots) {
+            if *integrity_root > 0.0 {
+                *entry = value * (root / integrity_root);
+            }
+        }
+        for (members, sum) in self.constellations.iter().zip(&accuracy.weight_sums) {
+            let mut mean = 0.0;
+            for (index, (entry, root)) in scaled.iter().zip(&accuracy.roots).enumerate() {
+                if members.contains(index) {
+                    mean += entry * root;
+                }
+            }
+            for (index, (entry, root)) in scaled.iter_mut().zip(&accuracy.roots).enumerate() {
+                if members.contains(index) {
+                    *entry -= root * (mean / sum);
+                }
+            }
+        }
+        let mut right = [0.0; 3];
+        for (entry, row) in scaled.iter().zip(&accuracy.rows) {
+            for (sum, direction) in right.iter_mut().zip(row) {
+                *sum += direction * entry;
+            }
+        }
+        let position = times(&accuracy.covariance_m2, &right);
+        let mut sum = 0.0;
+        for (entry, row) in scaled.iter().zip(&accuracy.rows) {
+            let left = entry - dot(row, &position);
+            sum += left * left;
+        }
+        sum
     }
 
     /// Solution of a subset minus solution with all, m, and by how much its sum of squares is smaller.
