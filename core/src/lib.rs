@@ -45,6 +45,7 @@ pub mod mhss;
 pub mod monitor;
 pub mod raim;
 pub mod report;
+mod rhythm;
 pub mod snapshot;
 pub mod stats;
 pub mod tight;

@@ -24,9 +24,12 @@ use crate::integrity::{
     InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
 };
 use crate::report::{EpochReport, Fix, ReportFlags};
+use crate::rhythm::Rhythm;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
-use crate::tight::{MonitorSecondaries, TightConfigureError, TightMonitor, TightSolution};
-use crate::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
+use crate::tight::{
+    MonitorSecondaries, TestedSolution, TightConfigureError, TightMonitor, TightSolution,
+};
+use crate::time::{GpsTime, NS_PER_WEEK};
 use crate::wire::Counters;
 
 /// What [`Monitor::push`] stopped for.
@@ -48,54 +51,6 @@ enum Pending {
     /// Nothing: an epoch was due and the receiver is silent.
     Silence { time: GpsTime },
 }
-
-/// When the receiver is expected to give an epoch.
-#[derive(Clone, Copy, Debug)]
-struct Rhythm {
-    last: Option<GpsTime>,
-    interval_ns: Option<i64>,
-}
-
-impl Rhythm {
-    const UNKNOWN: Self = Self {
-        last: None,
-        interval_ns: None,
-    };
-    /// Intervals that are taken for a rhythm, ns: 20 Hz to one epoch a minute.
-    const INTERVALS_NS: core::ops::RangeInclusive<i64> = 50_000_000..=60 * NS_PER_S;
-
-    /// The receiver gave an epoch.
-    fn epoch(&mut self, time: GpsTime) {
-        let elapsed_ns = self
-            .last
-            .map(|last| time.ns().wrapping_sub(last.ns()))
-            .filter(|elapsed_ns| Self::INTERVALS_NS.contains(elapsed_ns));
-        // A gap is not a slower rhythm.
-        if let Some(elapsed_ns) = elapsed_ns
-            && self
-                .interval_ns
-                .is_none_or(|interval_ns| elapsed_ns < interval_ns.saturating_mul(3) / 2)
-        {
-            self.interval_ns = Some(elapsed_ns);
-        }
-        self.last = Some(time);
-    }
-
-    /// The epoch that should have come long ago at `now`, if there is one; expects the next after it.
-    fn overdue(&mut self, now: GpsTime) -> Option<GpsTime> {
-        let (last, interval_ns) = (self.last?, self.interval_ns?);
-        let waiting_ns = now.ns().wrapping_sub(last.ns());
-        if waiting_ns < interval_ns.saturating_mul(3) / 2 || waiting_ns > MAX_SILENCE_NS {
-            return None;
-        }
-        let due = last.plus_ns(interval_ns);
-        self.last = Some(due);
-        Some(due)
-    }
-}
-
-/// Samples later than the last epoch by more than this are of another time, ns.
-const MAX_SILENCE_NS: i64 = 3600 * NS_PER_S;
 
 /// All state of surefix.
 pub struct Monitor {
@@ -229,7 +184,7 @@ impl Monitor {
                 self.store.shift_weeks(shift_weeks);
                 let shift_ns = i64::from(shift_weeks).wrapping_mul(NS_PER_WEEK);
                 self.first_epoch = self.first_epoch.map(|time| time.plus_ns(shift_ns));
-                self.rhythm.last = self.rhythm.last.map(|time| time.plus_ns(shift_ns));
+                self.rhythm.shift(shift_ns);
                 None
             }
             Event::EpochReady => {
@@ -253,10 +208,13 @@ impl Monitor {
 
     /// Samples go on and the receiver does not: that is an epoch too.
     fn expect_epoch(&mut self, now: GpsTime) -> Option<Ready> {
-        if !self.tight.is_running() {
+        if self.tight.status() == InertialStatus::Off {
             return None;
         }
-        let time = self.rhythm.overdue(now)?;
+        if let Some(due) = self.rhythm.due() {
+            self.tight.remember(due);
+        }
+        let time = self.rhythm.sample(now)?;
         self.pending = Pending::Silence { time };
         Some(Ready::Epoch)
     }
@@ -299,28 +257,33 @@ impl Monitor {
         let mut report = report_of(epoch, &assessment);
         let begin = counter.now();
         let verdict = assessment.verdict;
+        let tested = TestedSolution::new(&assessment);
         let tight = self.tight.on_epoch(
             epoch.time,
             self.snapshot.workspace_mut(),
             verdict.excluded,
             verdict.integrity != Integrity::Alert,
+            tested.as_ref(),
         );
         match &tight {
             Some(tight) => {
                 let separation_m = assessment
                     .solution
                     .map(|solution| separation_m(&tight.llh, tight.r_e_m, solution.r_e_m));
-                if let (Some(separation_m), Some(hpl_m), Some(vpl_m)) =
-                    (separation_m, verdict.hpl.bound_m(), verdict.vpl.bound_m())
-                {
-                    self.tight.compare(separation_m, [hpl_m, vpl_m], tight);
+                let serves = match (separation_m, &tested) {
+                    (Some(separation_m), Some(tested)) => {
+                        self.tight.compare(separation_m, tested.levels_m, tight)
+                    }
+                    _ => true,
+                };
+                if serves {
+                    report.verdict = verdict.moved_by(separation_m.unwrap_or([0.0; 2]));
+                    serve(&mut report, tight);
                 }
-                report.verdict = verdict.moved_by(separation_m.unwrap_or([0.0; 2]));
-                serve(&mut report, tight);
             }
-            None => self.tight.align(epoch.time, assessment.solution.as_ref()),
+            None => self.tight.align(epoch.time, tested.as_ref()),
         }
-        report.inertial = self.tight.status();
+        report.inertial = self.tight.tell();
         self.ledger
             .charge(Stage::Filter, counter.now().wrapping_sub(begin));
         report
@@ -342,7 +305,7 @@ impl Monitor {
         if let Some(tight) = self.tight.on_corrected(epoch, secondaries) {
             serve(&mut report, &tight);
         }
-        report.inertial = self.tight.status();
+        report.inertial = self.tight.tell();
         self.ledger
             .charge(Stage::Filter, counter.now().wrapping_sub(begin));
         report
@@ -356,14 +319,10 @@ impl Monitor {
             report.verdict.hal_m = requirements.hal_m;
             report.verdict.val_m = requirements.val_m;
         }
-        let workspace = self.snapshot.workspace_mut();
-        if let Some(tight) = self
-            .tight
-            .on_epoch(time, workspace, SatelliteSet::EMPTY, false)
-        {
+        if let Some(tight) = self.tight.on_silence(time) {
             serve(&mut report, &tight);
         }
-        report.inertial = self.tight.status();
+        report.inertial = self.tight.tell();
         self.ledger
             .charge(Stage::Filter, counter.now().wrapping_sub(begin));
         report

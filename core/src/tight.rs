@@ -33,8 +33,13 @@ use crate::mhss::bank::{
 };
 use crate::mhss::separation::SeparationQuantiles;
 use crate::report::Navigation;
+use crate::snapshot::Assessment;
 use crate::stats::{StatsError, normal};
-use crate::time::GpsTime;
+use crate::time::{GpsTime, NS_PER_S};
+
+mod jump;
+
+use jump::{COMMON_M, common_jump, median};
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
 pub const CLOCKS: usize = 4;
@@ -46,23 +51,35 @@ pub type MonitorSecondaries = Secondaries<CLOCKS, JOINT>;
 
 /// A receiver clock that jumps does so by whole milliseconds, m.
 const MILLISECOND_M: f64 = 1.0e-3 * SPEED_OF_LIGHT_MPS;
-/// An innovation common to the satellites and beyond this is a jump of the clock, m: no drift between
-/// two epochs and no coasting of a minute comes near it, and the smallest jump is a hundred times it.
-const JUMP_M: f64 = 3.0e3;
-/// Innovations that agree to this are common, m.
-const COMMON_M: f64 = 300.0;
+/// With a snapshot solution its clock tells a jump, from this on, m, and from this many sigmas of the
+/// filter's clock on.
+const SEEN_JUMP_M: f64 = 30.0;
+/// See [`SEEN_JUMP_M`].
+const SEEN_JUMP_SIGMAS: f64 = 6.0;
 /// Farther off than this no code loop was locked, m; such a pseudorange is no monitored fault but no
 /// measurement, for all filters alike.
 const CODE_LOCK_M: f64 = 1.0e4;
 /// One sigma of the offset of a constellation that was not there before, m: what
 /// `snapshot::MAX_INTER_SYSTEM_M` lets pass.
 const NEW_OFFSET_SIGMA_M: f64 = 3.0e3;
-/// Epochs in which the filter lies farther from the snapshot solution than the levels of both before
-/// it is started anew.
+/// Epochs in a row in which the filter contradicts a snapshot solution that passed its test, before it
+/// is started anew.
 const MAX_DIVERGED: u8 = 3;
+/// A filter whose innovations, normalised and squared, are this many times what they should be
+/// contradicts satellites that agree with each other. A wrong attitude shows here long before it
+/// shows in the position, which the satellites hold. A unit carried by hand with the satellites of a
+/// town exceeds 37 in one epoch of twenty, for their errors are larger and longer than the model's.
+const MAX_NIS_RATIO: f64 = 100.0;
 /// Longest time without a sample that the nominal is carried over to an epoch, ns: what the intake
 /// bridges.
 const MAX_LEAD_NS: i64 = 50_000_000;
+/// Epochs in a row that may come after samples that are later than they are, before the filter, which
+/// takes none of them, is given up.
+const MAX_LATE: u8 = 3;
+/// Longest time for which a lost attitude is still about what it was, ns.
+const MAX_ATTITUDE_AGE_NS: i64 = 10 * NS_PER_S;
+/// A protection level is at least this many sigmas of the position.
+const LEVEL_SIGMAS: f64 = 4.0;
 /// Slowest course an attitude that was lost is found again by, m/s, where none is configured.
 const RESTART_SPEED_MPS: f64 = 2.0;
 /// One sigma of an attitude kept from before, about north, east, down, rad.
@@ -98,6 +115,28 @@ pub struct TightSolution {
     pub navigation: Navigation,
 }
 
+/// A snapshot solution that passed its test, with its levels: good enough to start a filter from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TestedSolution<'a> {
+    /// The solution.
+    pub solution: &'a SnapshotSolution,
+    /// Horizontal and vertical level, m.
+    pub levels_m: [f64; 2],
+}
+
+impl<'a> TestedSolution<'a> {
+    /// The solution of an assessment, if a fault in it would have been seen.
+    pub(crate) fn new(assessment: &'a Assessment) -> Option<Self> {
+        Some(Self {
+            solution: assessment.solution.as_ref()?,
+            levels_m: [
+                assessment.verdict.hpl.bound_m()?,
+                assessment.verdict.vpl.bound_m()?,
+            ],
+        })
+    }
+}
+
 /// Everything tight mode needs. About 20 kB; lives in a static.
 pub struct TightMonitor {
     config: Option<InertialConfig>,
@@ -119,10 +158,19 @@ pub struct TightMonitor {
     rows: Vec<BankRow<JOINT>, MAX_SATELLITES>,
     quantiles: SeparationQuantiles,
     bank_verdict: Option<(GpsTime, BankVerdict)>,
-    /// Attitude when tight mode ended.
-    last_attitude: Option<[f64; 4]>,
+    /// Epochs in a row that came too late for the filter.
+    late: u8,
+    /// Attitude when tight mode ended, and when that was.
+    last_attitude: Option<([f64; 4], GpsTime)>,
     /// Counters of the intake at the last epoch.
     counted: Option<IntakeCounters>,
+    last_epoch: Option<GpsTime>,
+    /// Why there are no samples to serve the last epoch with.
+    missing: Option<InertialStatus>,
+    /// Why tight mode ended, until an epoch has told it.
+    untold: Option<InertialStatus>,
+    /// The antenna when the next epoch is due.
+    remembered: Option<AntennaState<CLOCKS>>,
 }
 
 impl TightMonitor {
@@ -146,8 +194,13 @@ impl TightMonitor {
         rows: Vec::new(),
         quantiles: SeparationQuantiles::EMPTY,
         bank_verdict: None,
+        late: 0,
         last_attitude: None,
         counted: None,
+        last_epoch: None,
+        missing: None,
+        untold: None,
+        remembered: None,
     };
 
     /// An inertial unit is there. `p_fault_free` is the fault-free integrity risk per sample.
@@ -167,6 +220,10 @@ impl TightMonitor {
         self.alignment.configure(&inertial.start);
         self.last_attitude = None;
         self.counted = None;
+        self.last_epoch = None;
+        self.missing = None;
+        self.untold = None;
+        self.remembered = None;
         self.config = Some(*inertial);
         self.status = InertialStatus::NoSample;
         Ok(())
@@ -179,7 +236,7 @@ impl TightMonitor {
     }
 
     /// Which constellations are used; the first has the clock the others' offsets are against.
-    pub fn choose_systems(&mut self, config: &Config) {
+    pub(crate) fn choose_systems(&mut self, config: &Config) {
         self.systems = [None; System::ALL.len()];
         let mut column = None;
         for (place, system) in self.systems.iter_mut().zip(System::ALL) {
@@ -202,7 +259,7 @@ impl TightMonitor {
     ///
     /// # Errors
     /// [`TightConfigureError`] when a risk gives no quantile.
-    pub fn follow(&mut self, reference: &ReferenceModel) -> Result<(), TightConfigureError> {
+    pub(crate) fn follow(&mut self, reference: &ReferenceModel) -> Result<(), TightConfigureError> {
         self.quantiles
             .fill(reference.p_fa, reference.p_md, reference.p_h0)
             .map_err(TightConfigureError::Stats)?;
@@ -212,13 +269,19 @@ impl TightMonitor {
     }
 
     /// The reference model, if a scenario is run.
-    pub const fn reference(&self) -> Option<&ReferenceModel> {
+    pub(crate) const fn reference(&self) -> Option<&ReferenceModel> {
         self.reference.as_ref()
     }
 
     /// What the inertial side does.
     pub const fn status(&self) -> InertialStatus {
         self.status
+    }
+
+    /// The same for the report of an epoch: the first to be made after tight mode ended says why it
+    /// did, whatever has become of it since.
+    pub(crate) fn tell(&mut self) -> InertialStatus {
+        self.untold.take().unwrap_or(self.status)
     }
 
     /// The intake, with its counters.
@@ -232,8 +295,9 @@ impl TightMonitor {
     }
 
     /// Starts from a state that is given. Without a configured unit nothing happens.
-    pub fn start(&mut self, state: &InitialState) {
+    pub(crate) fn start(&mut self, state: &InitialState) {
         if let Some(config) = self.config {
+            self.untold = None;
             self.start_with(&config, state);
         }
     }
@@ -243,6 +307,8 @@ impl TightMonitor {
         self.diverged = 0;
         self.bank.clear();
         self.bank_verdict = None;
+        self.late = 0;
+        self.remembered = None;
         if self.navigator.start(config, state).is_ok() {
             self.status = InertialStatus::Running;
         }
@@ -250,18 +316,19 @@ impl TightMonitor {
 }
 
 impl TightMonitor {
-    /// An epoch of the receiver, after `workspace` and `solution` of the snapshot monitor. `excluded` are
+    /// An epoch of the receiver, after `workspace` and `tested` of the snapshot monitor. `excluded` are
     /// the satellites it left out as faulty; `take` is false while a fault is present that is not
     /// excluded: the filter then coasts.
     ///
     /// `None` where the snapshot solution serves alone; [`TightMonitor::status`] says why.
     #[inline(never)]
-    pub fn on_epoch(
+    pub(crate) fn on_epoch(
         &mut self,
         time: GpsTime,
         workspace: &mut SnapshotWorkspace,
         excluded: SatelliteSet,
         take: bool,
+        tested: Option<&TestedSolution<'_>>,
     ) -> Option<TightSolution> {
         self.meets(time)?;
         let mut at = self.navigator.predict(time);
@@ -273,8 +340,38 @@ impl TightMonitor {
         {
             self.corrected.rows.clear();
         }
-        self.prepare_clocks(&mut at);
+        if let Some(config) = &self.config {
+            let factors = config.measurement;
+            self.corrected
+                .scale_sigmas(factors.pseudorange, factors.range_rate);
+        }
+        self.prepare_clocks(&mut at, tested);
         self.finish(&at)
+    }
+
+    /// An epoch was due at `due` and the receiver gave none. The filter goes on without it.
+    #[inline(never)]
+    pub(crate) fn on_silence(&mut self, due: GpsTime) -> Option<TightSolution> {
+        let at = self.remembered.take().filter(|at| at.time == due)?;
+        if !self.is_running() {
+            return None;
+        }
+        // The filter comes to where the nominal is now; without rows nothing changes but its spread.
+        self.navigator.predict(self.navigator.time());
+        self.corrected.rows.clear();
+        self.finish(&at)
+    }
+
+    /// Keeps where the antenna was when an epoch was due, for [`TightMonitor::on_silence`]; to be called
+    /// after every sample.
+    pub(crate) fn remember(&mut self, due: GpsTime) {
+        let passed_ns = self.navigator.time().ns().wrapping_sub(due.ns());
+        if self.is_running()
+            && (0..=MAX_LEAD_NS).contains(&passed_ns)
+            && self.remembered.is_none_or(|at| at.time != due)
+        {
+            self.remembered = Some(self.navigator.antenna(due));
+        }
     }
 
     /// An epoch of a scenario folder: with a memory for the secondary filters through the bank, without
@@ -309,7 +406,14 @@ impl TightMonitor {
             .run_bank(&at, &reference, secondaries)
             .and_then(|summary| {
                 let used = self.bank.satellites();
-                self.solution(epoch.time, &summary, used, [false; System::ALL.len()])
+                let absent = [false; System::ALL.len()];
+                let at = self.navigator.antenna(epoch.time);
+                let mut solution = self.solution(&at, &summary, used, absent)?;
+                // As the bank's levels: before an exclusion.
+                if let Some((_, verdict)) = &self.bank_verdict {
+                    solution.navigation.fault_free_m = verdict.fault_free_m;
+                }
+                Some(solution)
             });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
@@ -375,45 +479,91 @@ impl TightMonitor {
 
     /// Whether the nominal can be taken to an epoch.
     fn meets(&mut self, time: GpsTime) -> Option<()> {
-        let config = self.config.as_ref()?;
+        self.look(time)?;
         if !self.is_running() {
             return None;
         }
-        let counted = self.counted;
-        self.counted = Some(self.intake.counters());
-        let lead_ns = time.ns().wrapping_sub(self.navigator.time().ns());
-        if lead_ns > MAX_LEAD_NS {
-            self.lose(silence(counted, self.intake.counters()));
-            return None;
+        match self.missing {
+            None => {
+                self.late = 0;
+                self.status = InertialStatus::Running;
+                Some(())
+            }
+            Some(InertialStatus::EpochLate) if self.late < MAX_LATE => {
+                self.late = self.late.saturating_add(1);
+                self.status = InertialStatus::EpochLate;
+                None
+            }
+            Some(InertialStatus::EpochLate) => {
+                // Without a filter to be late for, the two are of different times.
+                self.missing = Some(InertialStatus::ImuTime);
+                self.lose(InertialStatus::ImuTime);
+                None
+            }
+            Some(cause) => {
+                self.lose(cause);
+                None
+            }
         }
-        if lead_ns < -2 * i64::from(config.interval_ns) {
-            self.status = InertialStatus::EpochLate;
-            return None;
-        }
-        self.status = InertialStatus::Running;
+    }
+
+    /// Whether there are samples up to an epoch, and why not. `None` without an inertial unit.
+    fn look(&mut self, time: GpsTime) -> Option<()> {
+        let interval_ns = i64::from(self.config.as_ref()?.interval_ns);
+        let now = self.intake.counters();
+        let before = self.counted.replace(now);
+        let last_epoch = self.last_epoch.replace(time);
+        let newest = if self.is_running() {
+            Some(self.navigator.time())
+        } else {
+            self.intake.last_time()
+        };
+        let lead_ns = newest.map(|newest| time.ns().saturating_sub(newest.ns()));
+        let since_epoch_ns = last_epoch.map(|last| time.ns().saturating_sub(last.ns()));
+        let used = before.map_or(0, |before| now.used.saturating_sub(before.used));
+        let goes_on = since_epoch_ns.is_some_and(|ns| {
+            let used_ns = i64::from(used).saturating_mul(interval_ns);
+            used_ns > ns / 2 && lead_ns.is_some_and(|lead_ns| lead_ns > ns / 2)
+        });
+        self.missing = match lead_ns {
+            Some(lead_ns) if lead_ns < -2 * interval_ns && self.is_running() => {
+                Some(InertialStatus::EpochLate)
+            }
+            Some(lead_ns) if lead_ns < -2 * interval_ns => Some(InertialStatus::ImuTime),
+            Some(lead_ns) if lead_ns <= MAX_LEAD_NS => None,
+            // Most samples came, and are too old for the time that passed.
+            _ if goes_on => Some(InertialStatus::ImuTime),
+            _ => Some(silence(before, now)),
+        };
         Some(())
     }
 
-    /// Compares with the snapshot solution: horizontal and vertical separation, m, and its levels, m. A
-    /// filter that lies farther from it than both levels together for several epochs is started anew.
-    pub fn compare(
+    /// Compares with a snapshot solution that passed its test: horizontal and vertical separation, m, and
+    /// its levels, m. A filter that for several epochs lies farther from it than both levels together,
+    /// or contradicts its satellites by far, is started anew; false when it has come to that.
+    pub(crate) fn compare(
         &mut self,
         separation_m: [f64; 2],
         levels_m: [f64; 2],
         solution: &TightSolution,
-    ) {
+    ) -> bool {
         let [fault_free_h, fault_free_v] = solution.navigation.fault_free_m;
         let [h, v] = separation_m;
         let [hpl, vpl] = levels_m;
-        let within = h <= hpl + fault_free_h && v <= vpl + fault_free_v;
+        let Navigation { nis, nis_rows, .. } = solution.navigation;
+        let within = h <= hpl + fault_free_h
+            && v <= vpl + fault_free_v
+            && nis <= MAX_NIS_RATIO * f64::from(nis_rows);
         self.diverged = if within {
             0
         } else {
             self.diverged.saturating_add(1)
         };
-        if self.diverged >= MAX_DIVERGED {
+        let serves = self.diverged < MAX_DIVERGED;
+        if !serves {
             self.lose(InertialStatus::Unhealthy);
         }
+        serves
     }
 
     /// Whether the filter serves.
@@ -428,7 +578,9 @@ impl TightMonitor {
     /// only.
     fn lose(&mut self, status: InertialStatus) {
         if self.is_running() {
-            self.last_attitude = Some(self.navigator.mechanisation().q_e_b);
+            // The attitude of a filter that went wrong is what may be wrong with it.
+            self.last_attitude = (status != InertialStatus::Unhealthy)
+                .then_some((self.navigator.mechanisation().q_e_b, self.navigator.time()));
             let min_speed_mps = match self.config.as_ref().map(|config| &config.start) {
                 Some(AttitudeStart::Course { min_speed_mps }) => *min_speed_mps,
                 _ => RESTART_SPEED_MPS,
@@ -439,7 +591,9 @@ impl TightMonitor {
             self.alignment.restart();
         }
         self.status = status;
+        self.untold.get_or_insert(status);
         self.diverged = 0;
+        self.late = 0;
     }
 
     /// A sample of the inertial unit.
@@ -481,28 +635,26 @@ impl TightMonitor {
         }
     }
 
-    /// Tries to start the filter at an epoch that it did not serve, from the snapshot solution.
+    /// Tries to start the filter at an epoch that it did not serve, from a snapshot solution that a fault
+    /// would have been seen in.
     #[inline(never)]
-    pub fn align(&mut self, time: GpsTime, solution: Option<&SnapshotSolution>) {
+    pub(crate) fn align(&mut self, time: GpsTime, tested: Option<&TestedSolution<'_>>) {
         let Some(config) = self.config else {
             return;
         };
         if self.reference.is_some() || self.is_running() {
             return;
         }
-        let counted = self.counted;
-        self.counted = Some(self.intake.counters());
-        let Some(last) = self.intake.last_time() else {
-            return;
-        };
-        let lead_ns = time.ns().wrapping_sub(last.ns());
-        if !(-2 * i64::from(config.interval_ns)..=MAX_LEAD_NS).contains(&lead_ns) {
-            self.status = silence(counted, self.intake.counters());
+        if let Some(missing) = self.missing {
+            self.status = missing;
             self.alignment.restart();
             return;
         }
+        let Some(last) = self.intake.last_time() else {
+            return;
+        };
         self.status = InertialStatus::Aligning;
-        let Some(solution) = solution else {
+        let Some(TestedSolution { solution, levels_m }) = tested else {
             return;
         };
         let r_e = Vector3::from(solution.r_e_m);
@@ -512,7 +664,10 @@ impl TightMonitor {
             Ok(q_e_b) => q_e_b,
             // Standing or nearly so: the attitude is about what it was.
             Err(NotAligned::TooSlow { .. }) => {
-                let Some(q_e_b) = self.last_attitude else {
+                let recent = self
+                    .last_attitude
+                    .filter(|(_, when)| time.ns().saturating_sub(when.ns()) <= MAX_ATTITUDE_AGE_NS);
+                let Some((q_e_b, _)) = recent else {
                     return;
                 };
                 config.sigma.attitude_ned_rad = RESTART_SIGMA_NED_RAD;
@@ -539,6 +694,11 @@ impl TightMonitor {
         if reference_clock.is_none() {
             config.sigma.clock_bias_m = NEW_OFFSET_SIGMA_M;
         }
+        for level_m in levels_m {
+            if *level_m > LEVEL_SIGMAS * config.sigma.position_m {
+                config.sigma.position_m = level_m / LEVEL_SIGMAS;
+            }
+        }
         self.start_with(
             &config,
             &InitialState {
@@ -557,15 +717,22 @@ impl TightMonitor {
     /// Brings the clocks of the nominal up to the epoch before any row is made: follows a jump of the
     /// receiver clock, and gives constellations that are new their offset. Then drops what is no
     /// measurement.
-    fn prepare_clocks(&mut self, at: &mut AntennaState<CLOCKS>) {
+    fn prepare_clocks(
+        &mut self,
+        at: &mut AntennaState<CLOCKS>,
+        tested: Option<&TestedSolution<'_>>,
+    ) {
         let known = self.offset_is_known;
         let is_known = |column: Option<usize>| {
             column.is_none_or(|column| known.get(column).copied().unwrap_or(false))
         };
-        if let Some(jump_m) = self.innovations(at, is_known).and_then(common_jump) {
+        let seen = tested.and_then(|tested| self.seen_jump(at, tested.solution));
+        if let Some(jump_m) = seen.or_else(|| self.innovations(at, is_known).and_then(common_jump))
+        {
             let whole_m = libm::round(jump_m / MILLISECOND_M) * MILLISECOND_M;
             // Clocks that are steered by whole milliseconds do it exactly.
-            let (jump_m, sigma_m) = if libm::fabs(jump_m - whole_m) <= JUMP_M {
+            let is_whole = whole_m != 0.0 && libm::fabs(jump_m - whole_m) <= COMMON_M;
+            let (jump_m, sigma_m) = if is_whole {
                 (whole_m, 0.0)
             } else {
                 (jump_m, COMMON_M)
@@ -601,6 +768,16 @@ impl TightMonitor {
         });
     }
 
+    /// How far the clock jumped by the snapshot solution, which knows no earlier clock.
+    fn seen_jump(&self, at: &AntennaState<CLOCKS>, solution: &SnapshotSolution) -> Option<f64> {
+        let clock_m = (*solution.clock_m.get(self.reference_system)?)?;
+        let jump_m = clock_m - at.clock.get(CLOCK_BIAS)?;
+        let covariance = self.navigator.filter().clock_covariance();
+        let sigma_m = libm::sqrt(*covariance.get(CLOCK_BIAS)?.get(CLOCK_BIAS)?);
+        let size_m = libm::fabs(jump_m);
+        (size_m > SEEN_JUMP_M && size_m > SEEN_JUMP_SIGMAS * sigma_m).then_some(jump_m)
+    }
+
     /// Innovations of the satellites whose clock column is `wanted`; `None` without any.
     fn innovations(
         &mut self,
@@ -625,6 +802,7 @@ impl TightMonitor {
     }
 
     /// Rows, update, feedback; then the solution.
+    /// For an epoch that the nominal has long passed `at` is also what is told.
     fn finish(&mut self, at: &AntennaState<CLOCKS>) -> Option<TightSolution> {
         let systems = if self.reference.is_some() {
             [None; System::ALL.len()]
@@ -645,11 +823,15 @@ impl TightMonitor {
                 }
             }
         }
-        let solution = self
-            .navigator
-            .update()
-            .ok()
-            .and_then(|summary| self.solution(at.time, &summary, used, present));
+        let solution = self.navigator.update().ok().and_then(|summary| {
+            let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
+            let told = if passed_ns > MAX_LEAD_NS {
+                *at
+            } else {
+                self.navigator.antenna(at.time)
+            };
+            self.solution(&told, &summary, used, present)
+        });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
         }
@@ -658,12 +840,11 @@ impl TightMonitor {
 
     fn solution(
         &self,
-        time: GpsTime,
+        at: &AntennaState<CLOCKS>,
         summary: &UpdateSummary,
         used: SatelliteSet,
         present: [bool; System::ALL.len()],
     ) -> Option<TightSolution> {
-        let at = self.navigator.antenna(time);
         let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
         let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
         let c_e_b = rotation::to_matrix(&at.q_e_b);
@@ -714,15 +895,17 @@ impl TightMonitor {
     }
 }
 
-/// Why no sample came that could be used.
+/// Why no sample came that could be used since the counters were as `before`.
 fn silence(before: Option<IntakeCounters>, now: IntakeCounters) -> InertialStatus {
-    let before = before.unwrap_or(now);
-    if now.saturated != before.saturated {
+    let since = |count: fn(&IntakeCounters) -> u32| count(&now) != before.as_ref().map_or(0, count);
+    if since(|counters| counters.saturated) {
         InertialStatus::ImuSaturated
-    } else if now.not_finite != before.not_finite {
+    } else if since(|counters| counters.not_finite) {
         InertialStatus::ImuNotFinite
-    } else if now.late != before.late || now.bad_interval != before.bad_interval {
+    } else if since(|counters| counters.late) || since(|counters| counters.bad_interval) {
         InertialStatus::ImuTime
+    } else if now == IntakeCounters::ZERO {
+        InertialStatus::NoSample
     } else {
         InertialStatus::ImuSilent
     }
@@ -748,27 +931,5 @@ fn innovation_m(
         .map(|row| row.innovation_m)
 }
 
-/// The middle of some numbers (the lower of two), found by counting: there are a few dozen at most.
-fn median(values: &mut [f64]) -> Option<f64> {
-    let middle = values.len().saturating_sub(1) / 2;
-    values.iter().enumerate().find_map(|(at, value)| {
-        let below = values
-            .iter()
-            .enumerate()
-            .filter(|(other_at, other)| **other < *value || (**other == *value && *other_at < at))
-            .count();
-        (below == middle).then_some(*value)
-    })
-}
-
-/// How far the clock jumped, if most innovations say the same and no clock drifts so.
-fn common_jump(innovations_m: &mut [f64]) -> Option<f64> {
-    let middle_m = median(innovations_m)?;
-    let agreeing = innovations_m
-        .iter()
-        .filter(|value| libm::fabs(**value - middle_m) <= COMMON_M)
-        .count();
-    // An innovation is predicted minus measured.
-    (libm::fabs(middle_m) > JUMP_M && agreeing >= 2 && 2 * agreeing > innovations_m.len())
-        .then_some(-middle_m)
-}
+#[cfg(test)]
+mod tests;

@@ -4,6 +4,7 @@ pub mod araim;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
+pub mod hybrid;
 pub mod imu;
 pub mod output;
 pub mod qemu;
@@ -16,6 +17,7 @@ pub mod scenario;
 pub mod settings;
 pub mod simulate;
 pub mod source;
+pub mod track;
 pub mod truth;
 
 /// The example of the README, compiled and run.

@@ -13,7 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{araim, campaign, output, report, scenario, simulate};
+use surefix_host_tests::{araim, campaign, hybrid, output, report, scenario, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -34,6 +34,8 @@ enum Command {
     Araim(araim::Args),
     /// Simulate a flight: the bytes a receiver would send, and the truth
     Simulate(simulate::Command),
+    /// A recorded inertial unit and the receiver its antenna's track would have had, under real orbits
+    Hybrid(hybrid::Args),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     /// One self-contained HTML page of a replay
@@ -286,6 +288,7 @@ fn main() -> ExitCode {
             _ => ExitCode::from(1),
         }),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
+        Command::Hybrid(arguments) => hybrid::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };

@@ -30,7 +30,7 @@ pub struct Truth {
 }
 
 /// A time in ns and a position, ECEF, m.
-type TrackRow = (i64, [f64; 3]);
+pub(crate) type TrackRow = (i64, [f64; 3]);
 
 #[derive(Clone, Debug)]
 enum TruthPath {
@@ -187,7 +187,7 @@ fn seconds_to_ns(seconds: f64) -> i64 {
     (seconds * NS_PER_S as f64).round() as i64
 }
 
-fn rtklib_rows(text: &str) -> Result<Vec<TrackRow>> {
+pub(crate) fn rtklib_rows(text: &str) -> Result<Vec<TrackRow>> {
     let header = text
         .lines()
         .filter(|line| line.starts_with('%'))

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use surefix_core::ins::intake::MAX_BRIDGE_NS;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma, Intake,
-    IntakeFault, SensorRange, Taken,
+    IntakeFault, MeasurementFactors, SensorRange, Taken,
 };
 use surefix_core::time::GpsTime;
 
@@ -28,6 +28,7 @@ const CONFIG: InertialConfig = InertialConfig {
         drift_decay_per_s: 0.0,
         inter_system_psd: 0.0,
     },
+    measurement: MeasurementFactors::ONE,
     range: SensorRange {
         rate_radps: 10.0,
         specific_force_mps2: 100.0,

@@ -4,15 +4,20 @@
 mod common;
 
 use std::path::Path;
+use std::process::Command;
 
-use surefix_core::config::Config;
+use surefix_core::config::{Config, IonosphereModel};
 use surefix_core::gnss::System;
 use surefix_core::gnss::satellite::SystemSet;
-use surefix_core::integrity::{Integrity, Phase};
+use surefix_core::integrity::{Integrity, Mode, Phase};
+use surefix_core::report::EpochReport;
+use surefix_host_tests::hybrid;
 use surefix_host_tests::output::epochs_csv;
 use surefix_host_tests::qemu::image;
-use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult};
+use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
+use surefix_host_tests::settings::Settings;
 use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
+use surefix_host_tests::truth::Truth;
 
 /// Replays on both machines, compares the files, and gives the result of this one; `None`, said
 /// aloud, where there is no emulator.
@@ -117,4 +122,111 @@ fn an_approach_with_a_faulty_satellite() {
         .collect();
     assert!(excluded.len() > 60, "{excluded:?}");
     assert!(excluded.iter().all(|name| name == "G04"), "{excluded:?}");
+}
+
+/// A simulated flight as a board would get it: RTCM 3 and inertial samples in the order of their times.
+fn flight(name: &str, more: &[&str]) -> ReplayOptions {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("same_bits_{name}"));
+    let done = Command::new(env!("CARGO_BIN_EXE_surefix"))
+        .args(["simulate", name, "--seed", "2", "--out"])
+        .arg(&folder)
+        .args(more)
+        .output()
+        .unwrap();
+    assert!(done.status.success(), "{done:?}");
+    let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));
+    options.imu = Some(folder.join("imu.sfx"));
+    options.truth = TruthChoice::Given(Truth::read(&folder.join("truth.csv")).unwrap());
+    options
+}
+
+/// INT-007. The filter, an exclusion by the snapshot, and the whole of a filter's report.
+#[test]
+fn an_approach_with_an_inertial_unit() {
+    let Some(result) = on_both(flight("lpv200_step", &["--duration", "180"])) else {
+        return;
+    };
+    let tight = result
+        .reports
+        .iter()
+        .filter(|report| report.mode == Mode::Tight)
+        .count();
+    assert!(tight > 170, "{tight}");
+    assert_eq!(result.summary.errors.epochs_with_error_above_level, 0);
+}
+
+/// INT-007. Three, two, one satellite, none: the filter goes on and says that it is not to be trusted.
+#[test]
+fn a_flight_that_coasts() {
+    let Some(result) = on_both(flight("coasting", &[])) else {
+        return;
+    };
+    let coasting = result
+        .reports
+        .iter()
+        .filter(|report| report.mode == Mode::Tight && !report.verdict.integrity.is_usable())
+        .count();
+    assert!(coasting >= 4 * 59, "{coasting}");
+    assert_eq!(result.summary.errors.epochs_with_error_above_level, 0);
+}
+
+fn example(name: &str) -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../docs/examples")
+        .join(name)
+}
+
+fn tight_epochs(result: &ReplayResult) -> usize {
+    let tight = |report: &&EpochReport| report.mode == Mode::Tight;
+    result.reports.iter().filter(tight).count()
+}
+
+/// INT-007. RINEX frames at 4 Hz with a recorded unit at 152 Hz between.
+#[test]
+fn a_walk_with_an_inertial_unit() {
+    let folder = "data/walk0827-x20p-imu";
+    let Some(gnss) = common::shared(&format!("{folder}/derived_convbin.obs")) else {
+        return;
+    };
+    let settings = Settings::read(&example("walk-adis16465.toml")).unwrap();
+    let mut options = ReplayOptions::new(gnss);
+    let shared = |name: &str| common::shared(&format!("{folder}/{name}"));
+    options.nav.extend(shared("derived_convbin.nav"));
+    options.imu = shared("derived_imu_gpst_unfiltered.csv");
+    options.config = settings.config().unwrap();
+    options.imu_settings = settings.imu;
+    if let Some(result) = on_both(options) {
+        assert!(tight_epochs(&result) > 400);
+    }
+}
+
+/// INT-007. RTCM 3 synthesised along a drive, with its recorded unit; satellites go and come back.
+#[test]
+fn a_drive_that_loses_its_satellites() {
+    let folder = "data/drive0708-adis16465-rtk";
+    let Some(track) = common::shared(&format!("{folder}/gnss_1934_sf.pos")) else {
+        return;
+    };
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_hybrid");
+    let shared = |name: &str| common::shared(name).unwrap();
+    let hybrid = hybrid::synthesise(&hybrid::Args {
+        track,
+        imu: shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv")),
+        config: example("car-adis16465.toml"),
+        nav: shared("data/esbc-2020-177/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"),
+        satellites: 12,
+        drop: vec!["3:70:90".parse().unwrap(), "0:100:115".parse().unwrap()],
+        rate_hz: 1,
+        duration: Some(120.0),
+        seed: 1,
+        out: out.clone(),
+    })
+    .unwrap();
+    hybrid::write(&hybrid, &out).unwrap();
+    let mut options = ReplayOptions::new(out.join("receiver.rtcm3"));
+    options.imu = Some(out.join("imu.sfx"));
+    options.config.ionosphere = IonosphereModel::None;
+    if let Some(result) = on_both(options) {
+        assert!(tight_epochs(&result) > 60);
+    }
 }

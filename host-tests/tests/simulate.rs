@@ -46,6 +46,26 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
     assert_ne!(first.rtcm3, other.rtcm3);
 }
 
+/// Fowler, Noll and Vo's hash 1a of 64 bits.
+fn fnv1a(bytes: &[u8]) -> u64 {
+    let start = 0xcbf2_9ce4_8422_2325;
+    bytes.iter().fold(start, |hash: u64, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// Campaigns and figures rest on these bytes: a change has to be meant.
+#[test]
+fn the_bytes_of_a_simulation_stay_what_they_were() {
+    let simulated = simulate(&Args {
+        dual_frequency: false,
+        ..args(Flight::Approach, 3)
+    })
+    .unwrap();
+    assert_eq!(fnv1a(&simulated.rtcm3), 0xa18e_8e07_556a_c48b);
+    assert_eq!(fnv1a(simulated.truth_csv.as_bytes()), 0x8c30_d920_022e_8924);
+}
+
 #[test]
 fn ephemerides_of_the_sky_are_what_their_bits_hold() {
     for slot in Sky::new().slots() {

@@ -12,7 +12,7 @@ use surefix_core::ingest::{
 };
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, ReferenceModel, SensorRange,
+    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::Counters;
@@ -77,6 +77,10 @@ fn config() -> impl Strategy<Value = InertialConfig> {
                     drift_psd: n[5],
                     drift_decay_per_s: n[6],
                     inter_system_psd: n[7],
+                },
+                measurement: MeasurementFactors {
+                    pseudorange: p[7],
+                    range_rate: p[8],
                 },
                 range: SensorRange {
                     rate_radps: p[0],
@@ -438,6 +442,7 @@ fn what_no_unit_no_state_and_no_requirement_can_be_is_refused() {
             drift_decay_per_s: 0.0,
             inter_system_psd: 0.0,
         },
+        measurement: MeasurementFactors::ONE,
         range: SensorRange {
             rate_radps: 10.0,
             specific_force_mps2: 100.0,

@@ -23,7 +23,7 @@ use super::layout::{
 use super::transition::{ClockTransition, NavigationCovariance, NavigationTransition, Transition};
 use crate::linalg::block3::{
     Block, Symmetric, ZERO, add_product, add_product_symmetric, add_product_transposed,
-    add_product_vector, add_symmetric_product, full,
+    add_product_vector, add_symmetric_product, full, product, product_symmetric,
 };
 
 /// Error of the nominal trajectory; signs in `layout.rs`.
@@ -77,6 +77,7 @@ pub struct PredictWorkspace {
     position: [Block; BLOCKS],
     velocity: [Block; BLOCKS],
     attitude: [Block; 2],
+    common: [CommonColumns; 3],
 }
 
 impl PredictWorkspace {
@@ -85,6 +86,7 @@ impl PredictWorkspace {
         position: [ZERO; BLOCKS],
         velocity: [ZERO; BLOCKS],
         attitude: [ZERO; 2],
+        common: [[[0.0; 3]; 3]; 3],
     };
 }
 
@@ -124,10 +126,15 @@ impl<const K: usize, const M: usize> Filter<K, M> {
             &transition.noise,
             workspace,
         );
-        for k in 0..K {
-            propagate_column(&mut self.cross, k, &transition.phi);
+        propagate_common(
+            &mut self.cross,
+            &mut self.state.navigation,
+            &transition.phi,
+            &mut workspace.common,
+        );
+        for offset in FIRST_OFFSET..K {
+            propagate_offset(&mut self.cross, offset, &transition.phi);
         }
-        propagate_state(&mut self.state.navigation, &transition.phi);
         self.propagate_clocks(&transition.clock);
     }
 
@@ -303,11 +310,10 @@ fn row_times_column<const J: usize>(
     p: &NavigationCovariance,
     out: &mut Block,
 ) {
-    let mut sum = ZERO;
+    let mut sum = product_symmetric(&row[J], &p.diagonal[J]);
     for k in 0..J {
         add_product(&mut sum, &row[k], &p.off_diagonal[pair(k, J)]);
     }
-    add_product_symmetric(&mut sum, &row[J], &p.diagonal[J]);
     for k in J + 1..BLOCKS {
         add_product_transposed(&mut sum, &row[k], &p.off_diagonal[pair(J, k)]);
     }
@@ -329,16 +335,11 @@ fn row_times(row: &[Block; BLOCKS], p: &NavigationCovariance, out: &mut [Block; 
 #[inline(never)]
 fn attitude_times(row: &[Block; 2], p: &mut NavigationCovariance, out: &mut [Block; 2]) {
     let [attitude, gyro] = row;
-    let mut sum = ZERO;
-    add_product_symmetric(&mut sum, attitude, &p.diagonal[ATTITUDE]);
-    add_product_transposed(&mut sum, gyro, &p.off_diagonal[pair(ATTITUDE, GYRO_BIAS)]);
+    let off_diagonal = &p.off_diagonal[pair(ATTITUDE, GYRO_BIAS)];
+    let mut sum = product_symmetric(attitude, &p.diagonal[ATTITUDE]);
+    add_product_transposed(&mut sum, gyro, off_diagonal);
     out[0] = sum;
-    let mut sum = ZERO;
-    add_product(
-        &mut sum,
-        attitude,
-        &p.off_diagonal[pair(ATTITUDE, GYRO_BIAS)],
-    );
+    let mut sum = product(attitude, off_diagonal);
     add_product_symmetric(&mut sum, gyro, &p.diagonal[GYRO_BIAS]);
     out[1] = sum;
 }
@@ -396,6 +397,7 @@ pub(super) fn propagate(
         position,
         velocity,
         attitude,
+        ..
     } = workspace;
     // First all rows of Φ P, then the blocks of (Φ P) Φᵀ in place.
     row_times(&phi.position, p, position);
@@ -452,39 +454,67 @@ pub(super) fn propagate(
     }
 }
 
-/// Column k of the covariance with the clocks: the rows of Φ times it.
-fn propagate_column<const K: usize>(
-    cross: &mut [[[f64; 3]; K]; BLOCKS],
-    k: usize,
-    phi: &NavigationTransition,
+/// Columns that every filter has besides the navigation covariance: clock bias, clock drift, error state.
+type CommonColumns = [[f64; 3]; 3];
+
+/// A row of Φ, whose N blocks begin at block FIRST, times the common columns.
+#[inline(never)]
+fn row_times_common<const FIRST: usize, const N: usize, const K: usize>(
+    row: &[Block; N],
+    cross: &[[[f64; 3]; K]; BLOCKS],
+    state: &[[f64; 3]; BLOCKS],
+    out: &mut CommonColumns,
 ) {
-    let mut column = [[0.0; 3]; BLOCKS];
-    for (entry, columns) in column.iter_mut().zip(cross.iter()) {
-        *entry = columns[k];
+    let [mut bias, mut drift, mut error] = [[0.0; 3]; 3];
+    for (at, block) in row.iter().enumerate() {
+        let (columns, entry) = (&cross[FIRST + at], &state[FIRST + at]);
+        for k in 0..3 {
+            for i in 0..3 {
+                let phi = block[3 * i + k];
+                bias[i] += phi * columns[CLOCK_BIAS][k];
+                drift[i] += phi * columns[CLOCK_DRIFT][k];
+                error[i] += phi * entry[k];
+            }
+        }
     }
-    propagate_state(&mut column, phi);
-    for (columns, entry) in cross.iter_mut().zip(column) {
-        columns[k] = entry;
+    *out = [bias, drift, error];
+}
+
+/// Φ times the common columns.
+fn propagate_common<const K: usize>(
+    cross: &mut [[[f64; 3]; K]; BLOCKS],
+    state: &mut [[f64; 3]; BLOCKS],
+    phi: &NavigationTransition,
+    rows: &mut [CommonColumns; 3],
+) {
+    let [position, velocity, attitude] = &mut *rows;
+    row_times_common::<POSITION, BLOCKS, K>(&phi.position, cross, state, position);
+    row_times_common::<POSITION, BLOCKS, K>(&phi.velocity, cross, state, velocity);
+    row_times_common::<ATTITUDE, 2, K>(&phi.attitude, cross, state, attitude);
+    for ((columns, error), row) in cross.iter_mut().zip(state).zip(rows) {
+        [columns[CLOCK_BIAS], columns[CLOCK_DRIFT], *error] = *row;
     }
 }
 
-/// Φ times a vector of the navigation states.
+/// Φ times the covariance with a clock offset.
 #[inline(never)]
-fn propagate_state(state: &mut [[f64; 3]; BLOCKS], phi: &NavigationTransition) {
+fn propagate_offset<const K: usize>(
+    cross: &mut [[[f64; 3]; K]; BLOCKS],
+    offset: usize,
+    phi: &NavigationTransition,
+) {
     let mut position = [0.0; 3];
     let mut velocity = [0.0; 3];
-    for (row, entry) in phi.position.iter().zip(state.iter()) {
-        add_product_vector(&mut position, row, entry);
-    }
-    for (row, entry) in phi.velocity.iter().zip(state.iter()) {
-        add_product_vector(&mut velocity, row, entry);
+    for ((columns, p), v) in cross.iter().zip(&phi.position).zip(&phi.velocity) {
+        add_product_vector(&mut position, p, &columns[offset]);
+        add_product_vector(&mut velocity, v, &columns[offset]);
     }
     let mut attitude = [0.0; 3];
-    add_product_vector(&mut attitude, &phi.attitude[0], &state[ATTITUDE]);
-    add_product_vector(&mut attitude, &phi.attitude[1], &state[GYRO_BIAS]);
-    state[POSITION] = position;
-    state[VELOCITY] = velocity;
-    state[ATTITUDE] = attitude;
+    add_product_vector(&mut attitude, &phi.attitude[0], &cross[ATTITUDE][offset]);
+    add_product_vector(&mut attitude, &phi.attitude[1], &cross[GYRO_BIAS][offset]);
+    for (columns, entry) in cross.iter_mut().zip([position, velocity, attitude]) {
+        columns[offset] = entry;
+    }
 }
 
 #[cfg(test)]

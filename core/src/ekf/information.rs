@@ -20,6 +20,7 @@
     reason = "indices are below M by the loops' bounds; the no-panic image is the judge"
 )]
 
+use super::joint::{PerRow, for_each};
 use super::layout::{CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION};
 use crate::gnss::CorrectedMeasurement;
 
@@ -152,14 +153,15 @@ impl<const M: usize> EpochInformation<M> {
         }
     }
 
+    #[inline(never)]
     fn add_scalar(&mut self, design: &[f64; M], innovation: f64, weight: f64) {
-        for i in 0..M {
-            let weighted = weight * design[i];
-            for j in 0..=i {
-                self.matrix[i][j] += weighted * design[j];
-            }
-            self.vector[i] += weighted * innovation;
-        }
+        for_each::<M>(&mut Scalar {
+            matrix: &mut self.matrix,
+            vector: &mut self.vector,
+            design,
+            weight,
+            innovation,
+        });
         self.weighted_square += weight * innovation * innovation;
         self.rows = self.rows.wrapping_add(1);
     }
@@ -167,12 +169,7 @@ impl<const M: usize> EpochInformation<M> {
     /// Adds all that another set of satellites says; the sets must not share any.
     #[inline(never)]
     pub fn add(&mut self, other: &Self) {
-        for i in 0..M {
-            for j in 0..=i {
-                self.matrix[i][j] += other.matrix[i][j];
-            }
-            self.vector[i] += other.vector[i];
-        }
+        for_each::<M>(&mut Sum { into: self, other });
         self.weighted_square += other.weighted_square;
         self.rows = self.rows.wrapping_add(other.rows);
     }
@@ -180,5 +177,43 @@ impl<const M: usize> EpochInformation<M> {
     /// Measurements in it: pseudoranges and range rates.
     pub const fn rows(&self) -> u32 {
         self.rows
+    }
+}
+
+/// A scalar measurement that is added.
+struct Scalar<'a, const M: usize> {
+    matrix: &'a mut [[f64; M]; M],
+    vector: &'a mut [f64; M],
+    design: &'a [f64; M],
+    weight: f64,
+    innovation: f64,
+}
+
+impl<const M: usize> PerRow for Scalar<'_, M> {
+    #[inline(always)]
+    fn run<const I: usize>(&mut self) {
+        let weighted = self.weight * self.design[I];
+        for j in 0..I {
+            self.matrix[I][j] += weighted * self.design[j];
+        }
+        self.matrix[I][I] += weighted * self.design[I];
+        self.vector[I] += weighted * self.innovation;
+    }
+}
+
+/// Another set of satellites that is added.
+struct Sum<'a, const M: usize> {
+    into: &'a mut EpochInformation<M>,
+    other: &'a EpochInformation<M>,
+}
+
+impl<const M: usize> PerRow for Sum<'_, M> {
+    #[inline(always)]
+    fn run<const I: usize>(&mut self) {
+        for j in 0..I {
+            self.into.matrix[I][j] += self.other.matrix[I][j];
+        }
+        self.into.matrix[I][I] += self.other.matrix[I][I];
+        self.into.vector[I] += self.other.vector[I];
     }
 }

@@ -42,7 +42,7 @@ pub const CLOCK_DRIFT: usize = 1;
 pub const FIRST_OFFSET: usize = 2;
 
 /// Where the pair (i, j), i < j, of blocks is stored: 01 02 03 04 12 13 14 23 24 34.
-pub const fn pair(i: usize, j: usize) -> usize {
+pub(crate) const fn pair(i: usize, j: usize) -> usize {
     i * (2 * BLOCKS - i - 1) / 2 + j - i - 1
 }
 

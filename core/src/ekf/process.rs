@@ -120,7 +120,6 @@ pub struct ProcessAccumulator {
     middle_is_set: bool,
     lever: LeverState,
     substep: NavigationTransition,
-    row: [Block; BLOCKS],
     workspace: PredictWorkspace,
 }
 
@@ -148,7 +147,6 @@ impl ProcessAccumulator {
         middle_is_set: false,
         lever: LeverState::ZERO,
         substep: NavigationTransition::IDENTITY,
-        row: [ZERO; BLOCKS],
         workspace: PredictWorkspace::EMPTY,
     };
 
@@ -261,60 +259,55 @@ impl ProcessAccumulator {
         self.clear_substep();
     }
 
-    /// Φ of the substep: I + F h + F² h²/2.
+    /// Φ of the substep: I + F h + F² h²/2. The position does not depend on the gyroscope biases yet.
     #[inline(never)]
     fn fill_substep(&mut self, h: f64) {
         let half = 0.5 * h * h;
-        let c = &self.middle;
-        let omega = skew([0.0, 0.0, self.earth_rate]);
+        let rate = self.earth_rate;
+        let (c, gradient) = (&self.middle, &self.gradient);
         let [fx, fy, fz] = self.dv_e;
-        let force = skew([fx / h, fy / h, fz / h]);
-        let gradient = &self.gradient;
-        let omega_force = product(&omega, &force);
-        let force_omega = product(&force, &omega);
-        let omega_gradient = product(&omega, gradient);
-        let omega_omega = product(&omega, &omega);
-        let omega_c = product(&omega, c);
-        let force_c = product(&force, c);
-        let phi = &mut self.substep;
-        *phi = NavigationTransition::IDENTITY;
-        let row = &mut phi.position;
-        add_scaled(&mut row[POSITION], half, gradient);
-        add_scaled(&mut row[VELOCITY], h, &IDENTITY);
-        add_scaled(&mut row[VELOCITY], -2.0 * half, &omega);
-        add_scaled(&mut row[ATTITUDE], -half, &force);
-        add_scaled(&mut row[ACCEL_BIAS], half, c);
-        let row = &mut phi.velocity;
-        add_scaled(&mut row[POSITION], h, gradient);
-        add_scaled(&mut row[POSITION], -2.0 * half, &omega_gradient);
-        add_scaled(&mut row[VELOCITY], -2.0 * h, &omega);
-        add_scaled(&mut row[VELOCITY], half, gradient);
-        add_scaled(&mut row[VELOCITY], 4.0 * half, &omega_omega);
-        add_scaled(&mut row[ATTITUDE], -h, &force);
-        add_scaled(&mut row[ATTITUDE], 2.0 * half, &omega_force);
-        add_scaled(&mut row[ATTITUDE], half, &force_omega);
-        add_scaled(&mut row[GYRO_BIAS], -half, &force_c);
-        add_scaled(&mut row[ACCEL_BIAS], h, c);
-        add_scaled(&mut row[ACCEL_BIAS], -2.0 * half, &omega_c);
-        let [attitude, gyro] = &mut phi.attitude;
-        add_scaled(attitude, -h, &omega);
-        add_scaled(attitude, half, &omega_omega);
-        add_scaled(gyro, h, c);
-        add_scaled(gyro, -half, &omega_c);
+        let force = &skew([fx / h, fy / h, fz / h]);
+        let omega = &skew([0.0, 0.0, rate]);
+        let omega_omega = &earth_rate_times(rate, omega);
+        let omega_c = &earth_rate_times(rate, c);
+        let row = &mut self.substep.position;
+        row[POSITION] = sum_of(1.0, [(half, gradient)]);
+        row[VELOCITY] = sum_of(h, [(-2.0 * half, omega)]);
+        row[ATTITUDE] = sum_of(0.0, [(-half, force)]);
+        row[ACCEL_BIAS] = sum_of(0.0, [(half, c)]);
+        let row = &mut self.substep.velocity;
+        let omega_gradient = &earth_rate_times(rate, gradient);
+        row[POSITION] = sum_of(0.0, [(h, gradient), (-2.0 * half, omega_gradient)]);
+        row[VELOCITY] = sum_of(
+            1.0,
+            [
+                (-2.0 * h, omega),
+                (half, gradient),
+                (4.0 * half, omega_omega),
+            ],
+        );
+        let omega_force = &earth_rate_times(rate, force);
+        let force_omega = &product(force, omega);
+        row[ATTITUDE] = sum_of(
+            0.0,
+            [(-h, force), (2.0 * half, omega_force), (half, force_omega)],
+        );
+        row[GYRO_BIAS] = sum_of(0.0, [(-half, &product(force, c))]);
+        row[ACCEL_BIAS] = sum_of(0.0, [(h, c), (-2.0 * half, omega_c)]);
+        let [attitude, gyro] = &mut self.substep.attitude;
+        *attitude = sum_of(1.0, [(-h, omega), (half, omega_omega)]);
+        *gyro = sum_of(0.0, [(h, c), (-half, omega_c)]);
     }
 
     /// Φ ← Φ_substep Φ.
     #[inline(never)]
     fn multiply(&mut self) {
-        let phi = &mut self.transition.phi;
-        let by = &self.substep;
-        let row = &mut self.row;
-        multiply_row(&by.position, phi, row);
-        // The velocity's row needs the old position's; the old velocity's is not needed after it.
-        let mut velocity = [ZERO; BLOCKS];
-        multiply_row(&by.velocity, phi, &mut velocity);
-        phi.position = *row;
-        phi.velocity = velocity;
+        let (phi, by) = (&mut self.transition.phi, &self.substep);
+        multiply_column::<POSITION>(by, phi);
+        multiply_column::<VELOCITY>(by, phi);
+        multiply_column::<ATTITUDE>(by, phi);
+        multiply_column::<GYRO_BIAS>(by, phi);
+        multiply_column::<ACCEL_BIAS>(by, phi);
         let [attitude, gyro] = &mut phi.attitude;
         let mut new_gyro = by.attitude[1];
         add_product(&mut new_gyro, &by.attitude[0], gyro);
@@ -360,23 +353,50 @@ impl ProcessAccumulator {
     }
 }
 
-/// A full row of one transition times another transition.
+/// Column J of the position's and the velocity's rows of `by` Φ, in place: it needs no other column of
+/// Φ. The biases' rows of Φ are those of the unit matrix.
 #[inline(never)]
-fn multiply_row(row: &[Block; BLOCKS], phi: &NavigationTransition, out: &mut [Block; BLOCKS]) {
-    for (j, out) in out.iter_mut().enumerate() {
-        let mut sum = match j {
-            GYRO_BIAS | ACCEL_BIAS => row[j],
-            _ => ZERO,
-        };
-        add_product(&mut sum, &row[POSITION], &phi.position[j]);
-        add_product(&mut sum, &row[VELOCITY], &phi.velocity[j]);
-        match j {
-            ATTITUDE => add_product(&mut sum, &row[ATTITUDE], &phi.attitude[0]),
-            GYRO_BIAS => add_product(&mut sum, &row[ATTITUDE], &phi.attitude[1]),
-            _ => {}
+fn multiply_column<const J: usize>(by: &NavigationTransition, phi: &mut NavigationTransition) {
+    let times_column = |row: &[Block; BLOCKS]| {
+        let mut sum = if J >= GYRO_BIAS { row[J] } else { ZERO };
+        add_product(&mut sum, &row[POSITION], &phi.position[J]);
+        add_product(&mut sum, &row[VELOCITY], &phi.velocity[J]);
+        if J == ATTITUDE || J == GYRO_BIAS {
+            add_product(&mut sum, &row[ATTITUDE], &phi.attitude[J - ATTITUDE]);
         }
-        *out = sum;
+        sum
+    };
+    let (position, velocity) = (times_column(&by.position), times_column(&by.velocity));
+    phi.position[J] = position;
+    phi.velocity[J] = velocity;
+}
+
+/// `diagonal I + Σ factor block`.
+#[inline(always)]
+fn sum_of<const N: usize>(diagonal: f64, terms: [(f64, &Block); N]) -> Block {
+    let mut sum = ZERO;
+    add_scaled(&mut sum, diagonal, &IDENTITY);
+    for (factor, block) in terms {
+        add_scaled(&mut sum, factor, block);
     }
+    sum
+}
+
+/// \[ω_ie ×\] l.
+#[inline(always)]
+fn earth_rate_times(rate: f64, l: &Block) -> Block {
+    let [a, b, c, d, e, f, ..] = *l;
+    [
+        -rate * d,
+        -rate * e,
+        -rate * f,
+        rate * a,
+        rate * b,
+        rate * c,
+        0.0,
+        0.0,
+        0.0,
+    ]
 }
 
 /// One substep of the clocks, in the same form as the navigation states'.

@@ -23,9 +23,7 @@
 use super::filter::Filter;
 use super::information::EpochInformation;
 use super::joint::{JointWorkspace, Scalar};
-use super::layout::{
-    BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION, POSITION, VELOCITY, pair,
-};
+use super::layout::{BLOCKS, JOINT_NAVIGATION, POSITION, VELOCITY, pair};
 use crate::linalg::block3::{Block, Symmetric, full};
 
 /// Vectors of one block of states, one per scalar measurement.
@@ -127,23 +125,30 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         let UpdateWorkspace {
             joint, clock_gains, ..
         } = workspace;
-        let measurements = joint.directions.clock.iter().zip(&joint.scalar);
-        for ((v, scalar), gains) in measurements.zip(clock_gains) {
-            for k in 0..K {
-                gains[k] = v[k] * scalar.precision;
-                self.state.clock[k] += v[k] * scalar.step;
-            }
+        let mut covariance = self.clock;
+        let directions = joint.directions.clock.iter().zip(&joint.scalar);
+        for ((v, scalar), gains) in directions.clone().zip(clock_gains) {
+            let gain = v.map(|entry| entry * scalar.precision);
             for k in 0..K {
                 for l in 0..=k {
-                    self.clock[k][l] -= v[k] * gains[l];
+                    covariance[k][l] -= v[k] * gain[l];
                 }
             }
+            *gains = gain;
         }
-        for k in 0..K {
-            for l in 0..k {
-                self.clock[l][k] = self.clock[k][l];
+        let mut state = self.state.clock;
+        for (v, scalar) in directions {
+            for k in 0..K {
+                state[k] += v[k] * scalar.step;
             }
         }
+        self.state.clock = state;
+        for k in 0..K {
+            for l in 0..k {
+                covariance[l][k] = covariance[k][l];
+            }
+        }
+        self.clock = covariance;
     }
 
     /// P ← P − Σ v_q v_qᵀ / s_q, x ← x + Σ v_q ν_q / s_q of all blocks of states.
@@ -220,19 +225,20 @@ fn vectors_from<const FIRST: usize, const M: usize>(
         return;
     }
     let mut sums = [[0.0; 3]; 3];
-    for j in 0..3 {
-        if FIRST + j < M {
-            sums[j] = column(FIRST + j);
-        }
-    }
-    for s in 0..FIRST + 2 {
+    for s in 0..FIRST + 3 {
         if s < M {
             let column = column(s);
             for j in 0..3 {
                 let q = FIRST + j;
-                if s < q && q < M {
+                if s <= q && q < M {
                     for i in 0..3 {
-                        sums[j][i] += column[i] * combination[q][s];
+                        // Entry q of z_q is 1.
+                        let part = if s == q {
+                            column[i]
+                        } else {
+                            column[i] * combination[q][s]
+                        };
+                        sums[j][i] = if s == 0 { part } else { sums[j][i] + part };
                     }
                 }
             }
@@ -282,8 +288,8 @@ fn subtract<const M: usize>(p: &mut Block, vectors: &BlockVectors<M>, gains: &Bl
     *p = sum;
 }
 
-/// The same of the covariance with the clock states, and the state's own step.
-#[inline(never)]
+/// The same of the covariance with the clock states, and the state's own step. Four columns are what the
+/// registers hold.
 fn subtract_columns<const K: usize, const M: usize>(
     columns: &mut [[f64; 3]; K],
     state: &mut [f64; 3],
@@ -291,26 +297,52 @@ fn subtract_columns<const K: usize, const M: usize>(
     gains: &[[f64; K]; M],
     scalar: &[Scalar; M],
 ) {
-    let (mut bias, mut drift) = (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]);
-    let mut moved = *state;
+    if let Some((three, rest)) = columns.split_first_chunk_mut::<3>() {
+        subtract_first_columns(three, state, vectors, gains, scalar);
+        for (column, k) in rest.iter_mut().zip(3..) {
+            subtract_column(column, vectors, gains, k);
+        }
+    } else if let Some(two) = columns.first_chunk_mut::<2>() {
+        subtract_first_columns(two, state, vectors, gains, scalar);
+    }
+}
+
+#[inline(never)]
+fn subtract_first_columns<const C: usize, const K: usize, const M: usize>(
+    columns: &mut [[f64; 3]; C],
+    state: &mut [f64; 3],
+    vectors: &BlockVectors<M>,
+    gains: &[[f64; K]; M],
+    scalar: &[Scalar; M],
+) {
+    let (mut sums, mut moved) = (*columns, *state);
     for ((v, gain), scalar) in vectors.iter().zip(gains).zip(scalar) {
+        for (sum, gain) in sums.iter_mut().zip(gain) {
+            for i in 0..3 {
+                sum[i] -= v[i] * gain;
+            }
+        }
         for i in 0..3 {
-            bias[i] -= v[i] * gain[CLOCK_BIAS];
-            drift[i] -= v[i] * gain[CLOCK_DRIFT];
             moved[i] += v[i] * scalar.step;
         }
     }
-    *state = moved;
-    (columns[CLOCK_BIAS], columns[CLOCK_DRIFT]) = (bias, drift);
-    for k in FIRST_OFFSET..K {
-        let mut offset = columns[k];
-        for (v, gain) in vectors.iter().zip(gains) {
-            for i in 0..3 {
-                offset[i] -= v[i] * gain[k];
-            }
+    (*columns, *state) = (sums, moved);
+}
+
+#[inline(never)]
+fn subtract_column<const K: usize, const M: usize>(
+    column: &mut [f64; 3],
+    vectors: &BlockVectors<M>,
+    gains: &[[f64; K]; M],
+    k: usize,
+) {
+    let mut sum = *column;
+    for (v, gain) in vectors.iter().zip(gains) {
+        for i in 0..3 {
+            sum[i] -= v[i] * gain[k];
         }
-        columns[k] = offset;
     }
+    *column = sum;
 }
 
 #[cfg(test)]

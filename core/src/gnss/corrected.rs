@@ -43,4 +43,14 @@ impl CorrectedEpoch {
         time: GpsTime::from_ns(0),
         rows: Vec::new(),
     };
+
+    /// Multiplies one sigma of every pseudorange and of every range rate.
+    pub(crate) fn scale_sigmas(&mut self, pseudorange: f64, range_rate: f64) {
+        for row in &mut self.rows {
+            row.sigma_pseudorange_m *= pseudorange;
+            if let Some((_, sigma_mps)) = &mut row.range_rate_mps {
+                *sigma_mps *= range_rate;
+            }
+        }
+    }
 }

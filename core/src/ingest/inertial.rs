@@ -12,7 +12,7 @@ use crate::consts::MAX_SATELLITES;
 use crate::gnss::{CorrectedEpoch, CorrectedMeasurement};
 use crate::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, ReferenceModel, SensorRange,
+    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 use crate::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use crate::wire::native::{self, Full, HEADER_LEN, Kind, MAX_PAYLOAD, Reader, TRAILER_LEN, Writer};
@@ -137,6 +137,7 @@ pub fn encode_inertial(config: &InertialConfig, out: &mut [u8]) -> Result<usize,
         lever_arm_b_m,
         noise,
         clock,
+        measurement,
         range,
         start,
         sigma,
@@ -184,6 +185,8 @@ pub fn encode_inertial(config: &InertialConfig, out: &mut [u8]) -> Result<usize,
                 sigma.accel_bias_mps2,
                 sigma.clock_bias_m,
                 sigma.clock_drift_mps,
+                measurement.pseudorange,
+                measurement.range_rate,
             ],
         )
     })
@@ -228,6 +231,7 @@ pub fn decode_inertial(payload: &[u8]) -> Result<InertialConfig, PayloadError> {
         clock_bias_m,
         clock_drift_mps,
     ] = finite(&mut r)?;
+    let [pseudorange, range_rate] = finite(&mut r)?;
     end(&r)?;
     let config = InertialConfig {
         interval_ns,
@@ -244,6 +248,10 @@ pub fn decode_inertial(payload: &[u8]) -> Result<InertialConfig, PayloadError> {
             drift_psd,
             drift_decay_per_s,
             inter_system_psd,
+        },
+        measurement: MeasurementFactors {
+            pseudorange,
+            range_rate,
         },
         range: SensorRange {
             rate_radps,

@@ -55,7 +55,8 @@ pub struct IntakeCounters {
 }
 
 impl IntakeCounters {
-    const ZERO: Self = Self {
+    /// No sample has come.
+    pub const ZERO: Self = Self {
         used: 0,
         repeated: 0,
         late: 0,

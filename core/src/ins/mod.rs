@@ -15,5 +15,5 @@ pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
-    InitialSigma, InitialState, ReferenceModel, SensorRange,
+    InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };

@@ -54,6 +54,24 @@ pub struct SensorRange {
     pub specific_force_mps2: f64,
 }
 
+/// What the measurements of this receiver, where it is, scatter in a filter against the model of
+/// `gnss/weights.rs`: factors on one sigma.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasurementFactors {
+    /// On pseudoranges.
+    pub pseudorange: f64,
+    /// On range rates.
+    pub range_rate: f64,
+}
+
+impl MeasurementFactors {
+    /// As the model says.
+    pub const ONE: Self = Self {
+        pseudorange: 1.0,
+        range_rate: 1.0,
+    };
+}
+
 /// Where the first attitude comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AttitudeStart {
@@ -83,6 +101,8 @@ pub struct InertialConfig {
     pub noise: InertialNoise,
     /// Noise of the receiver clock.
     pub clock: ClockNoise,
+    /// Noise of the receiver's measurements.
+    pub measurement: MeasurementFactors,
     /// Range of the sensors; a sample at or beyond it is saturated.
     pub range: SensorRange,
     /// Where the first attitude comes from.
@@ -205,6 +225,8 @@ impl InertialConfig {
         let sigma = &self.sigma;
         let [north, east, down] = sigma.attitude_ned_rad;
         let positive = [
+            self.measurement.pseudorange,
+            self.measurement.range_rate,
             self.range.rate_radps,
             self.range.specific_force_mps2,
             sigma.position_m,

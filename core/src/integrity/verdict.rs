@@ -372,6 +372,7 @@ mod tests {
         assert!(!ProtectionLevel::Unavailable(NoBound::NoPosition).is_within(f64::INFINITY));
     }
 
+    /// INT-016.
     #[test]
     fn a_verdict_moved_to_another_position_has_levels_wider_by_the_way() {
         let mut verdict = Verdict::unavailable(Reason::None, 40.0, Some(35.0));

@@ -26,9 +26,40 @@ const fn packed(i: usize, j: usize) -> usize {
     PLACE[i][j]
 }
 
+/// `l r`.
+#[inline(always)]
+pub(crate) fn product(l: &Block, r: &Block) -> Block {
+    product_with(l, |k, j| r[3 * k + j])
+}
+
+/// `l s` with s symmetric.
+#[inline(always)]
+pub(crate) fn product_symmetric(l: &Block, s: &Symmetric) -> Block {
+    product_with(l, |k, j| s[packed(k, j)])
+}
+
+/// The product with a matrix given by its entries, begun with the first terms and not with zero.
+#[inline(always)]
+fn product_with(l: &Block, r: impl Fn(usize, usize) -> f64) -> Block {
+    let mut sum = ZERO;
+    for i in 0..3 {
+        for j in 0..3 {
+            sum[3 * i + j] = l[3 * i] * r(0, j);
+        }
+    }
+    for k in 1..3 {
+        for i in 0..3 {
+            for j in 0..3 {
+                sum[3 * i + j] += l[3 * i + k] * r(k, j);
+            }
+        }
+    }
+    sum
+}
+
 /// `sum += l r`.
 #[inline(always)]
-pub fn add_product(sum: &mut Block, l: &Block, r: &Block) {
+pub(crate) fn add_product(sum: &mut Block, l: &Block, r: &Block) {
     for k in 0..3 {
         for i in 0..3 {
             for j in 0..3 {
@@ -40,7 +71,7 @@ pub fn add_product(sum: &mut Block, l: &Block, r: &Block) {
 
 /// `sum += l rᵀ`.
 #[inline(always)]
-pub fn add_product_transposed(sum: &mut Block, l: &Block, r: &Block) {
+pub(crate) fn add_product_transposed(sum: &mut Block, l: &Block, r: &Block) {
     for k in 0..3 {
         for i in 0..3 {
             for j in 0..3 {
@@ -52,7 +83,7 @@ pub fn add_product_transposed(sum: &mut Block, l: &Block, r: &Block) {
 
 /// `sum += l s` with s symmetric.
 #[inline(always)]
-pub fn add_product_symmetric(sum: &mut Block, l: &Block, s: &Symmetric) {
+pub(crate) fn add_product_symmetric(sum: &mut Block, l: &Block, s: &Symmetric) {
     for k in 0..3 {
         for i in 0..3 {
             for j in 0..3 {
@@ -64,7 +95,7 @@ pub fn add_product_symmetric(sum: &mut Block, l: &Block, s: &Symmetric) {
 
 /// Upper triangle of `sum += l rᵀ`, for a product that is known to be symmetric.
 #[inline(always)]
-pub fn add_symmetric_product(sum: &mut Symmetric, l: &Block, r: &Block) {
+pub(crate) fn add_symmetric_product(sum: &mut Symmetric, l: &Block, r: &Block) {
     for k in 0..3 {
         for i in 0..3 {
             for j in i..3 {
@@ -76,7 +107,7 @@ pub fn add_symmetric_product(sum: &mut Symmetric, l: &Block, r: &Block) {
 
 /// `sum += l v`.
 #[inline(always)]
-pub fn add_product_vector(sum: &mut [f64; 3], l: &Block, v: &[f64; 3]) {
+pub(crate) fn add_product_vector(sum: &mut [f64; 3], l: &Block, v: &[f64; 3]) {
     for i in 0..3 {
         for k in 0..3 {
             sum[i] += l[3 * i + k] * v[k];
@@ -84,17 +115,9 @@ pub fn add_product_vector(sum: &mut [f64; 3], l: &Block, v: &[f64; 3]) {
     }
 }
 
-/// `l r`.
-#[inline(always)]
-pub fn product(l: &Block, r: &Block) -> Block {
-    let mut sum = ZERO;
-    add_product(&mut sum, l, r);
-    sum
-}
-
 /// `sum += factor l`.
 #[inline(always)]
-pub fn add_scaled(sum: &mut Block, factor: f64, l: &Block) {
+pub(crate) fn add_scaled(sum: &mut Block, factor: f64, l: &Block) {
     for (s, value) in sum.iter_mut().zip(l) {
         *s += factor * value;
     }
@@ -102,14 +125,14 @@ pub fn add_scaled(sum: &mut Block, factor: f64, l: &Block) {
 
 /// The matrix [v×] with `[v×] a = v × a`.
 #[inline(always)]
-pub fn skew(v: [f64; 3]) -> Block {
+pub(crate) fn skew(v: [f64; 3]) -> Block {
     let [x, y, z] = v;
     [0.0, -z, y, z, 0.0, -x, -y, x, 0.0]
 }
 
 /// The full matrix of a symmetric one.
 #[inline(always)]
-pub fn full(s: &Symmetric) -> Block {
+pub(crate) fn full(s: &Symmetric) -> Block {
     let [a, b, c, d, e, f] = *s;
     [a, b, c, b, d, e, c, e, f]
 }

@@ -204,6 +204,35 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             .map(|member| (member.satellite, &member.separation))
     }
 
+    /// The filter without a satellite of the bank.
+    pub fn sub_filter<'a>(
+        &self,
+        without: Satellite,
+        sub: &'a SubFilters<K, M>,
+    ) -> Option<&'a Filter<K, M>> {
+        sub.filters.get(self.place_of(without)?)
+    }
+
+    /// The filter without two satellites of the bank.
+    pub fn secondary<'a>(
+        &self,
+        without: [Satellite; 2],
+        secondaries: &'a Secondaries<K, M>,
+    ) -> Option<&'a Filter<K, M>> {
+        let [one, other] = without;
+        if one == other {
+            return None;
+        }
+        let at = pair(self.place_of(one)?, self.place_of(other)?);
+        secondaries.filters.get(at)
+    }
+
+    fn place_of(&self, satellite: Satellite) -> Option<usize> {
+        let mut members = self.members.iter();
+        let member = members.find(|member| member.satellite == satellite);
+        member.map(|member| member.place)
+    }
+
     /// Carries all filters but the main one to the epoch.
     #[inline(never)]
     pub fn predict(

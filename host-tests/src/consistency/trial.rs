@@ -9,7 +9,7 @@ use surefix_core::gnss::{CorrectedMeasurement, Satellite, System};
 use surefix_core::ins::mechanisation::{Increment, StartError};
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, InertialConfig, InertialNoise, InitialSigma, InitialState,
-    SensorRange,
+    MeasurementFactors, SensorRange,
 };
 use surefix_core::time::GpsTime;
 
@@ -240,6 +240,7 @@ impl Trial {
             lever_arm_b_m: [0.0; 3],
             noise: grade.noise,
             clock: CLOCK,
+            measurement: MeasurementFactors::ONE,
             range: SensorRange {
                 rate_radps: 1e3,
                 specific_force_mps2: 1e3,

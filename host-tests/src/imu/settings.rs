@@ -11,7 +11,7 @@ use anyhow::{Context, Result, bail};
 use serde::Deserialize;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, InertialConfig, InertialConfigError, InertialNoise, InitialSigma,
-    SensorRange,
+    MeasurementFactors, SensorRange,
 };
 
 /// Standard gravity, m/s², by definition.
@@ -33,6 +33,7 @@ pub struct ImuSettings {
     range: Range,
     noise: Option<Noise>,
     clock: Clock,
+    measurement: Option<Measurement>,
     start: Start,
     sigma: Option<Sigma>,
 }
@@ -171,6 +172,15 @@ enum ClockPreset {
     Ocxo,
 }
 
+/// Section `[imu.measurement]`: by how much the receiver's measurements scatter more than the error
+/// model has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Measurement {
+    pseudorange_factor: Option<f64>,
+    range_rate_factor: Option<f64>,
+}
+
 /// Section `[imu.start]`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(tag = "attitude", rename_all = "lowercase", deny_unknown_fields)]
@@ -264,6 +274,7 @@ impl ImuSettings {
         let [arw, vrw, gyro_walk, accel_walk, gyro, accel, level, heading] = self.grade.numbers();
         let noise = self.noise.unwrap_or_default();
         let sigma = self.sigma.unwrap_or_default();
+        let measurement = self.measurement.unwrap_or_default();
         let micro_g = STANDARD_GRAVITY_MPS2 * 1e-6;
         // With the course the level is that of a moving vehicle, and the heading where it slips.
         let (start, level, heading) = match self.start {
@@ -338,6 +349,10 @@ impl ImuSettings {
                     .inter_system_psd_m2_per_s
                     .unwrap_or(clock.inter_system_psd),
             },
+            measurement: MeasurementFactors {
+                pseudorange: measurement.pseudorange_factor.unwrap_or(1.0),
+                range_rate: measurement.range_rate_factor.unwrap_or(1.0),
+            },
             range: SensorRange {
                 rate_radps: self.range.rate_deg_per_s.to_radians(),
                 specific_force_mps2: self.range.specific_force_g * STANDARD_GRAVITY_MPS2,
@@ -373,7 +388,7 @@ impl ImuSettings {
             Err(InertialConfigError::NotPositive { value }) => Err(anyhow::anyhow!(
                 "{value} (in SI units) is not positive and finite"
             ))
-            .context("[imu.noise], [imu.clock], [imu.range] or [imu.sigma]"),
+            .context("[imu.noise], [imu.clock], [imu.measurement], [imu.range] or [imu.sigma]"),
         }
     }
 }

@@ -58,17 +58,15 @@ impl<const N: usize> DenseFilter<N> {
         self.p = (self.p + self.p.transpose()) / 2.0;
     }
 
-    /// One scalar update in Joseph's form; gives the normalised innovation squared.
-    pub fn update(&mut self, row: &Row<N>) -> f64 {
+    /// One scalar update with the optimal gain.
+    pub fn update(&mut self, row: &Row<N>) {
         let innovation = row.z - row.h.dot(&self.x);
         let ph = self.p * row.h;
         let s = row.h.dot(&ph) + row.variance;
         let gain = ph / s;
         self.x += gain * innovation;
-        let keep = SMatrix::<f64, N, N>::identity() - gain * row.h.transpose();
-        self.p = keep * self.p * keep.transpose() + gain * row.variance * gain.transpose();
+        self.p -= gain * ph.transpose();
         self.p = (self.p + self.p.transpose()) / 2.0;
-        innovation * innovation / s
     }
 }
 

@@ -1,5 +1,5 @@
-//! The reference model, slow and by the textbook: one strapdown solution and one dense filter of 17
-//! states that takes a scenario folder and says what `result.csv` should hold.
+//! The reference model, slow and by the textbook: one strapdown solution and a bank of dense filters of
+//! 17 states, each on its own, that take a scenario folder and say what `result.csv` should hold.
 //!
 //! It shares no code with the core, which computes the same with blocks, compressed epochs and
 //! shared transitions. Where the two agree, neither has the other's slip.
@@ -19,13 +19,16 @@
 //! specific force is the sum of the velocity increments in ECEF, sculling included, over its length,
 //! its attitude the one before the sample that starts in its middle.
 
+pub mod bank;
 pub mod double;
 pub mod earth;
 pub mod filter;
 pub mod navigator;
+pub mod separation;
 pub mod strapdown;
 pub mod transition;
 
+pub use bank::Bank;
 pub use filter::{Covariance, DenseFilter, ErrorState, Row, STATES};
 pub use navigator::{Navigator, run};
 pub use strapdown::{Increment, Nominal, Strapdown};

@@ -1,7 +1,8 @@
-//! A scenario through strapdown navigation and the filter.
+//! A scenario through strapdown navigation and the bank.
 
-use nalgebra::{Matrix2, Matrix3, Quaternion, SMatrix, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
+use super::bank::{Bank, Observed, Risks, Verdict};
 use super::earth::{c_e_ned, c_enu_e};
 use super::filter::{Covariance, DenseFilter, ErrorState, Satellite, at, rows};
 use super::strapdown::{Increment, Nominal, Strapdown, rotation};
@@ -12,17 +13,15 @@ use crate::scenario::result::{ResultFile, ResultRow};
 /// Substeps of Φ and Q between two epochs.
 const SUBSTEPS: usize = 10;
 
-/// Strapdown navigation with its filter.
+/// Strapdown navigation with its main filter.
 #[derive(Clone, Debug)]
 pub struct Navigator {
     strapdown: Strapdown,
-    /// The filter.
-    pub filter: DenseFilter,
+    /// The main filter.
+    filter: DenseFilter,
     noise: Noise,
     /// Since the last epoch.
     steps: Vec<Sample>,
-    /// Sum and number of the normalised innovations squared of the last epoch.
-    pub nis: (f64, usize),
 }
 
 /// An interval: position of its middle, attitude of its start.
@@ -57,6 +56,16 @@ pub fn nominal(init: &Init) -> Nominal {
         bg: init.gyro_bias_radps.into(),
         ba: init.accel_bias_mps2.into(),
         clock: [init.clock_bias_m, init.clock_drift_mps],
+    }
+}
+
+/// The risks of a scenario.
+pub fn risks(init: &Init) -> Risks {
+    Risks {
+        p_fa: init.p_fa,
+        p_md: init.p_md,
+        p_h0: init.p_h0,
+        vertical: init.detect_vertical,
     }
 }
 
@@ -95,7 +104,6 @@ impl Navigator {
             },
             noise: noise(init),
             steps: Vec::new(),
-            nis: (0.0, 0),
         }
     }
 
@@ -117,11 +125,8 @@ impl Navigator {
         });
     }
 
-    /// Predicts the filter to the present.
-    pub fn predict(&mut self) {
-        if self.steps.is_empty() {
-            return;
-        }
+    /// Φ and Q since the last epoch; brings the clock to the present.
+    fn process(&mut self) -> Accumulator {
         let mut accumulator = Accumulator::identity();
         let density = self.noise.density();
         let n = self.steps.len();
@@ -140,24 +145,11 @@ impl Navigator {
         let clock = &mut self.strapdown.nominal.clock;
         clock[0] += phi[(at::CLK_B, at::CLK_D)] * clock[1];
         clock[1] *= phi[(at::CLK_D, at::CLK_D)];
-        self.filter.predict(&phi, &accumulator.q);
+        accumulator
     }
 
-    /// Updates with an epoch and corrects the estimates.
-    pub fn update(&mut self, satellites: &[Satellite]) {
-        let n = self.strapdown.nominal;
-        self.nis = (0.0, 0);
-        for satellite in satellites {
-            for row in rows((&n.r, &n.v), n.clock, satellite) {
-                self.nis.0 += self.filter.update(&row);
-                self.nis.1 += 1;
-            }
-        }
-        self.feed_back();
-    }
-
-    /// Corrects the estimates by the error state, which is 0 afterwards.
-    fn feed_back(&mut self) {
+    /// Corrects the estimates by the error state, which is 0 afterwards; gives what it was.
+    fn feed_back(&mut self) -> ErrorState {
         let x = std::mem::replace(&mut self.filter.x, ErrorState::zeros());
         let part = |start: usize| x.fixed_rows::<3>(start).into_owned();
         let n = &mut self.strapdown.nominal;
@@ -168,19 +160,30 @@ impl Navigator {
         n.ba += part(at::BA);
         n.clock[0] -= x[at::CLK_B];
         n.clock[1] -= x[at::CLK_D];
+        x
     }
 
-    /// The horizontal level that no fault needs: √λ_max of the covariance east, north times `k`.
-    pub fn fault_free_level(&self, k: f64) -> f64 {
-        let c = c_enu_e(&self.strapdown.nominal.r);
-        let position: SMatrix<f64, 3, 3> = self.filter.p.fixed_view::<3, 3>(0, 0).into_owned();
-        let enu = c * position * c.transpose();
-        let horizontal = Matrix2::new(enu[(0, 0)], enu[(0, 1)], enu[(1, 0)], enu[(1, 1)]);
-        let (mean, half) = (
-            (horizontal[(0, 0)] + horizontal[(1, 1)]) / 2.0,
-            (horizontal[(0, 0)] - horizontal[(1, 1)]) / 2.0,
-        );
-        (mean + half.hypot(horizontal[(0, 1)])).sqrt() * k
+    /// Everything of an epoch with a bank, whose main filter then is this navigator's.
+    fn epoch(&mut self, bank: &mut Bank, epoch: &GnssEpoch, init: &Init) -> Verdict {
+        let process = self.process();
+        bank.predict(&process.phi, &process.q);
+        let n = self.strapdown.nominal;
+        let names = epoch.rows.iter().map(|row| row.satellite);
+        let observed: Vec<Observed> = names
+            .zip(satellites(epoch))
+            .map(|(name, satellite)| (name, rows((&n.r, &n.v), n.clock, &satellite).into()))
+            .collect();
+        let present: Vec<_> = observed.iter().map(|(name, _)| *name).collect();
+        bank.admit(epoch.t_s, &present, init.hold_s);
+        bank.update(&observed);
+        let verdict = bank.test(&risks(init), &c_enu_e(&n.r));
+        if let Some(satellite) = verdict.isolated.filter(|_| init.exclude) {
+            bank.exclude(satellite);
+        }
+        self.filter = bank.filter(&[]).clone();
+        let correction = self.feed_back();
+        bank.rereference(&correction);
+        verdict
     }
 }
 
@@ -211,11 +214,11 @@ pub fn satellites(epoch: &GnssEpoch) -> Vec<Satellite> {
     .collect()
 }
 
-/// Runs a scenario without a bank: no level but the fault-free one, nothing detected or excluded.
+/// Runs a scenario.
 pub fn run(scenario: &Scenario) -> ResultFile {
     let init = &scenario.init;
     let mut navigator = Navigator::new(init);
-    let k_h0 = upper_quantile(init.p_h0 / 2.0);
+    let mut bank = Bank::new(navigator.filter.clone());
     let mut samples = scenario.imu.iter().peekable();
     let names = scenario.satellites();
     let mut rows = Vec::new();
@@ -227,24 +230,29 @@ pub fn run(scenario: &Scenario) -> ResultFile {
                 dt: init.imu_dt_s,
             });
         }
-        navigator.predict();
-        navigator.update(&satellites(epoch));
+        let verdict = navigator.epoch(&mut bank, epoch, init);
         let n = navigator.nominal();
         let q = UnitQuaternion::from_matrix(&n.c);
         let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+        let test = |name: &String| {
+            let mut tests = verdict.tests.iter();
+            tests
+                .find(|test| test.satellite.to_string() == *name)
+                .map_or([f64::NAN; 2], |test| [test.statistic[0], test.threshold[0]])
+        };
         rows.push(ResultRow {
             t_s: epoch.t_s,
             r_eb_e_m: n.r.into(),
             v_eb_e_mps: n.v.into(),
             q_e_b: [sign * q.w, sign * q.i, sign * q.j, sign * q.k],
             clock: n.clock,
-            hpl_m: 0.0,
-            vpl_m: 0.0,
-            hpl0_m: navigator.fault_free_level(k_h0),
-            detected: false,
-            excluded: Vec::new(),
-            n_sats: epoch.rows.len(),
-            tests: vec![[f64::NAN; 2]; names.len()],
+            hpl_m: verdict.level[0],
+            vpl_m: verdict.level[1],
+            hpl0_m: verdict.fault_free[0],
+            detected: verdict.detected,
+            excluded: bank.excluded().iter().map(ToString::to_string).collect(),
+            n_sats: bank.members().len(),
+            tests: names.iter().map(test).collect(),
         });
     }
     ResultFile {

@@ -68,6 +68,18 @@ pub struct Differences {
     pub clock_drift_mps: f64,
     /// Of the fault-free levels, relative.
     pub hpl0_relative: f64,
+    /// Of the horizontal levels of the bank, relative.
+    pub hpl_relative: f64,
+    /// Of the vertical levels of the bank, relative.
+    pub vpl_relative: f64,
+    /// Of the statistics, m.
+    pub statistic_m: f64,
+    /// Of the thresholds, relative.
+    pub threshold_relative: f64,
+    /// Tests that only one of the two has.
+    pub unmatched_tests: usize,
+    /// Epochs with different numbers of satellites in the bank.
+    pub counts: usize,
 }
 
 impl ResultFile {
@@ -158,14 +170,19 @@ impl ResultFile {
             .with_context(|| format!("cannot write {}", path.display()))
     }
 
-    /// Largest differences from `other`, at every epoch of it before its first exclusion.
+    /// Largest differences from `other`, at every epoch of it.
     ///
     /// # Errors
-    /// When an epoch of `other` is missing here, or there is none to compare.
+    /// When an epoch or a satellite of `other` is missing here, or there is none to compare.
     pub fn compare(&self, other: &Self) -> Result<Differences> {
         let mut largest = Differences::default();
         let mut rows = self.rows.iter().peekable();
-        for expected in other.rows.iter().take_while(|row| row.excluded.is_empty()) {
+        for name in &other.satellites {
+            if !self.satellites.contains(name) {
+                bail!("there are no columns of the satellite {name}");
+            }
+        }
+        for expected in &other.rows {
             while rows
                 .next_if(|row| row.t_s < expected.t_s - SAME_TIME_S)
                 .is_some()
@@ -174,13 +191,41 @@ impl ResultFile {
             let Some(row) = row else {
                 bail!("there is no row for the epoch at {} s", expected.t_s);
             };
-            largest.take_larger(&row.differences(expected));
+            let mut differences = row.differences(expected);
+            for (name, test) in self.satellites.iter().zip(&row.tests) {
+                let column = other.satellites.iter().position(|other| other == name);
+                let expected = column.and_then(|column| expected.tests.get(column));
+                differences.take_test(test, expected.unwrap_or(&[f64::NAN; 2]));
+            }
+            largest.take_larger(&differences);
         }
         if largest.epochs == 0 {
-            bail!("there is no epoch before the first exclusion to compare");
+            bail!("there is no epoch to compare");
         }
         Ok(largest)
     }
+
+    /// Number of the first epoch with a test that failed.
+    pub fn first_detection(&self) -> Option<usize> {
+        self.rows.iter().position(|row| row.detected)
+    }
+
+    /// Satellites excluded in their order, each with the number of its epoch.
+    pub fn exclusions(&self) -> Vec<(usize, String)> {
+        let mut before = 0;
+        let mut exclusions = Vec::new();
+        for (epoch, row) in self.rows.iter().enumerate() {
+            let new = row.excluded.iter().skip(before);
+            exclusions.extend(new.map(|name| (epoch, name.clone())));
+            before = row.excluded.len();
+        }
+        exclusions
+    }
+}
+
+/// Difference of two numbers as a part of the second; 0 when they are the same.
+fn relative(a: f64, b: f64) -> f64 {
+    if a == b { 0.0 } else { ((a - b) / b).abs() }
 }
 
 /// The larger of two; a NaN counts as larger than everything, so that no limit holds it.
@@ -201,11 +246,32 @@ impl Differences {
         self.clock_bias_m = larger(self.clock_bias_m, other.clock_bias_m);
         self.clock_drift_mps = larger(self.clock_drift_mps, other.clock_drift_mps);
         self.hpl0_relative = larger(self.hpl0_relative, other.hpl0_relative);
+        self.hpl_relative = larger(self.hpl_relative, other.hpl_relative);
+        self.vpl_relative = larger(self.vpl_relative, other.vpl_relative);
+        self.statistic_m = larger(self.statistic_m, other.statistic_m);
+        self.threshold_relative = larger(self.threshold_relative, other.threshold_relative);
+        self.unmatched_tests += other.unmatched_tests;
+        self.counts += other.counts;
+    }
+
+    /// Takes a satellite's statistic and threshold; both NaN say that there is no test.
+    fn take_test(&mut self, test: &[f64; 2], expected: &[f64; 2]) {
+        let is_absent = |test: &[f64; 2]| test.iter().all(|value| value.is_nan());
+        match (is_absent(test), is_absent(expected)) {
+            (true, true) => {}
+            (false, false) => {
+                let statistic_m = (test[0] - expected[0]).abs();
+                self.statistic_m = larger(self.statistic_m, statistic_m);
+                let threshold = relative(test[1], expected[1]);
+                self.threshold_relative = larger(self.threshold_relative, threshold);
+            }
+            _ => self.unmatched_tests += 1,
+        }
     }
 }
 
 impl ResultRow {
-    /// How far this epoch is from another, as [`Differences`] of one epoch.
+    /// How far this epoch is from another, as [`Differences`] of one epoch, without those of the tests.
     pub fn differences(&self, other: &Self) -> Differences {
         let distance = |a: [f64; 3], b: [f64; 3]| {
             let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
@@ -229,7 +295,11 @@ impl ResultRow {
             attitude_rad: 2.0 * half,
             clock_bias_m: (self.clock[0] - other.clock[0]).abs(),
             clock_drift_mps: (self.clock[1] - other.clock[1]).abs(),
-            hpl0_relative: ((self.hpl0_m - other.hpl0_m) / other.hpl0_m).abs(),
+            hpl0_relative: relative(self.hpl0_m, other.hpl0_m),
+            hpl_relative: relative(self.hpl_m, other.hpl_m),
+            vpl_relative: relative(self.vpl_m, other.vpl_m),
+            counts: usize::from(self.n_sats != other.n_sats),
+            ..Differences::default()
         }
     }
 
@@ -282,12 +352,52 @@ mod tests {
     }
 
     #[test]
-    fn a_comparison_ends_at_the_first_exclusion_of_the_other() {
-        let ours = file(&(row(1, "1", "-") + &row(2, "2.5", "-") + &row(3, "9", "-")));
+    fn a_comparison_goes_on_after_an_exclusion() {
+        let ours = file(&(row(1, "1", "-") + &row(2, "2.5", "G07") + &row(3, "9", "G07+C01")));
         let other = file(&(row(1, "1", "-") + &row(2, "2", "-") + &row(3, "3", "G07+C01")));
         let largest = ours.compare(&other).unwrap();
-        assert_eq!((largest.epochs, largest.position_m), (2, 0.5));
-        assert_eq!(other.rows[2].excluded, ["G07", "C01"]);
+        assert_eq!((largest.epochs, largest.position_m), (3, 6.0));
+        assert_eq!(ours.exclusions(), [(1, "G07".into()), (2, "C01".into())]);
+        assert_eq!(other.exclusions(), [(2, "G07".into()), (2, "C01".into())]);
+    }
+
+    #[test]
+    fn tests_and_levels_are_compared_satellite_by_satellite() {
+        let text = |columns: &str, row: &str| {
+            let text = format!("{COLUMNS},{columns}\n1,0,0,0,0,0,0,1,0,0,0,0,0,{row}\n");
+            let table = Table::from_text(Path::new("result.csv"), text).unwrap();
+            ResultFile::from_table(&table).unwrap()
+        };
+        let expected = text("d_C01,T_C01,d_G07,T_G07", "10,20,5,1,-,2,1,2,3,4");
+        let same = text("d_G07,T_G07,d_C01,T_C01", "10,20,5,1,-,2,3,4,1,2");
+        let none = Differences {
+            epochs: 1,
+            ..Differences::default()
+        };
+        assert_eq!(same.compare(&expected).unwrap(), none);
+        assert_eq!(same.first_detection(), Some(0));
+        let other = text("d_C01,T_C01,d_G07,T_G07", "11,15,4,0,-,3,nan,nan,3.5,3");
+        let differences = other.compare(&expected).unwrap();
+        assert_eq!(
+            differences,
+            Differences {
+                hpl_relative: 0.1,
+                vpl_relative: 0.25,
+                hpl0_relative: 0.2,
+                statistic_m: 0.5,
+                threshold_relative: 0.25,
+                unmatched_tests: 1,
+                counts: 1,
+                ..none
+            }
+        );
+        assert_eq!(other.first_detection(), None);
+        let half = text("d_C01,T_C01,d_G07,T_G07", "10,20,5,1,-,2,1,nan,3,4");
+        let threshold = half.compare(&expected).unwrap().threshold_relative;
+        assert_eq!(threshold, f64::INFINITY);
+        let fewer = text("d_C01,T_C01", "10,20,5,1,-,2,1,2");
+        assert!(fewer.compare(&expected).is_err());
+        assert_eq!(expected.compare(&fewer).unwrap().unmatched_tests, 1);
     }
 
     #[test]
@@ -298,8 +408,7 @@ mod tests {
         let none = file(&(row(1, "nan", "-") + &row(2, "2", "-")));
         let largest = none.compare(&expected).unwrap();
         assert_eq!(largest.position_m, f64::INFINITY);
-        let excluded = file(&row(1, "1", "G07"));
-        assert!(short.compare(&excluded).is_err());
+        assert!(short.compare(&file("")).is_err());
     }
 
     #[test]

@@ -20,7 +20,7 @@ use surefix_core::ingest::{
 };
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, ReferenceModel, SensorRange,
+    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 use surefix_core::report::EpochReport;
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
@@ -91,6 +91,7 @@ fn inertial_config(init: &Init) -> InertialConfig {
             drift_decay_per_s: init.clock_decay_per_s,
             inter_system_psd: 0.0,
         },
+        measurement: MeasurementFactors::ONE,
         range: SensorRange {
             rate_radps: NO_LIMIT,
             specific_force_mps2: NO_LIMIT,

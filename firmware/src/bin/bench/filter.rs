@@ -2,18 +2,18 @@
 //! textbook and a matrix library take for the same.
 
 use super::dense::{self, STATES};
+use super::inertial::{SAMPLES_PER_EPOCH, UNIT};
 use super::measure::{RUNS, Row, require};
 use super::sky::{self, Random};
 use core::hint::black_box;
 use static_cell::ConstStaticCell;
-use surefix_core::consts::OMEGA_EARTH_RADPS;
+use surefix_core::consts::OMEGA_EARTH_WGS84_RADPS;
 use surefix_core::ekf::filter::PredictWorkspace;
 use surefix_core::ekf::layout::{ATTITUDE, BLOCKS, GYRO_BIAS};
 use surefix_core::ekf::{
     EpochInformation, Filter, LeverState, MeasurementRow, ProcessAccumulator, Transition,
     UpdateWorkspace,
 };
-use surefix_core::ins::{ClockNoise, InertialNoise};
 use surefix_core::linalg::block3::{Block, Symmetric};
 
 /// Satellites of the rows.
@@ -22,19 +22,6 @@ const MAX_SATELLITES: usize = 24;
 /// Satellites of the peers.
 const PEER_SATELLITES: usize = dense::ROWS / 2;
 
-const NOISE: InertialNoise = InertialNoise {
-    arw: 4.4e-5,
-    vrw: 1e-3,
-    gyro_bias_walk: 1e-6,
-    accel_bias_walk: 1e-4,
-};
-const CLOCK: ClockNoise = ClockNoise {
-    bias_psd: 0.009,
-    drift_psd: 0.0355,
-    drift_decay_per_s: 0.01,
-    inter_system_psd: 1e-4,
-};
-const SAMPLES_PER_EPOCH: usize = 100;
 const SAMPLE_S: f64 = 0.01;
 
 /// A filter and all that it is fed with.
@@ -78,12 +65,12 @@ pub fn all() {
 fn epoch<'a>(random: &mut Random, process: &'a mut ProcessAccumulator) -> &'a Transition {
     let c_e_b = sky::attitude(random);
     let lever = LeverState::new(
-        [0.3, -0.2, -0.5],
+        UNIT.lever_arm_b_m,
         &c_e_b,
         [0.01, 0.02, 0.1],
-        OMEGA_EARTH_RADPS,
+        OMEGA_EARTH_WGS84_RADPS,
     );
-    process.start(&NOISE, &CLOCK, OMEGA_EARTH_RADPS, &lever);
+    process.start(&UNIT.noise, &UNIT.clock, OMEGA_EARTH_WGS84_RADPS, &lever);
     process.set_gradient(&[1e-7, 8e-7, 2e-6, 8e-7, -1e-6, 5e-7, 2e-6, 5e-7, 1e-6]);
     let dv_e_mps = [0.065, 0.012, 0.073];
     let mut row = Row::new();
@@ -118,7 +105,8 @@ fn rows<const K: usize, const M: usize>(
     }
     predict.print("ekf/predict", None, states);
     for n in SATELLITES {
-        let (mut information, mut update, mut both) = (Row::new(), Row::new(), Row::new());
+        let (mut information, mut addition) = (Row::new(), Row::new());
+        let (mut update, mut both) = (Row::new(), Row::new());
         for _ in 0..RUNS {
             start(&mut bank.filter);
             bank.filter.predict(transition, workspace);
@@ -135,6 +123,8 @@ fn rows<const K: usize, const M: usize>(
                     sum.add_row(row);
                 }
             });
+            let mut twice = sum.clone();
+            addition.run(|| twice.add(black_box(sum)));
             update.run(|| {
                 black_box(filter.update(black_box(sum), update_workspace));
             });
@@ -146,6 +136,9 @@ fn rows<const K: usize, const M: usize>(
             require(filter.check().is_ok(), "the filter fell ill");
         }
         information.print("ekf/information", Some(n), states);
+        if n == 12 {
+            addition.print("ekf/information+information", None, states);
+        }
         update.print("ekf/update", Some(n), states);
         both.print("ekf/predict+update", Some(n), states);
     }

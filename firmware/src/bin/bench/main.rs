@@ -15,6 +15,8 @@ mod dense;
 #[cfg(target_os = "none")]
 mod filter;
 #[cfg(target_os = "none")]
+mod inertial;
+#[cfg(target_os = "none")]
 mod measure;
 #[cfg(target_os = "none")]
 mod messages;
@@ -34,6 +36,7 @@ fn main() -> ! {
     hprintln!("executed instructions, and bytes of stack");
     surefix_firmware::board::start();
     stages::all();
+    inertial::all();
     filter::all();
     loop {
         debug::exit(debug::EXIT_SUCCESS);

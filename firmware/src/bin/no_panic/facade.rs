@@ -2,19 +2,23 @@
 
 use crate::call::{call1, call2, call3};
 use core::hint::black_box;
+use surefix_core::bank_report::BankReport;
 use surefix_core::budget::{CycleCounter, Ledger, NoCounter};
 use surefix_core::config::Config;
+use surefix_core::gnss::solution::SnapshotWorkspace;
 use surefix_core::gnss::{
     BroadcastIonosphere, CorrectedEpoch, EphemerisStore, KlobucharParameters, ObservationEpoch,
+    SatelliteSet,
 };
 use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, ReferenceModel, SensorRange,
+    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
 use surefix_core::snapshot::SnapshotMonitor;
+use surefix_core::tight::{MonitorSecondaries, TightMonitor};
 use surefix_core::time::GpsTime;
 
 pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharParameters) {
@@ -50,6 +54,7 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     call1(Ingest::counters, &ingest);
 
     snapshot(&epoch);
+    tight();
     monitor(bytes, &mut out);
     call1(ReportFlags::bits, ReportFlags::default());
     call1(ReportFlags::from_bits, 0);
@@ -99,6 +104,7 @@ pub const UNIT: InertialConfig = InertialConfig {
         drift_decay_per_s: 0.0,
         inter_system_psd: 0.0,
     },
+    measurement: MeasurementFactors::ONE,
     range: SensorRange {
         rate_radps: 10.0,
         specific_force_mps2: 100.0,
@@ -145,6 +151,7 @@ fn snapshot(epoch: &ObservationEpoch) {
     call2(SnapshotMonitor::configure, &mut monitor, &Config::PRESET);
     call1(SnapshotMonitor::config, &monitor);
     call1(SnapshotMonitor::workspace, &monitor);
+    black_box(SnapshotMonitor::workspace_mut(black_box(&mut monitor)));
     black_box(SnapshotMonitor::assess(
         black_box(&mut monitor),
         black_box(epoch),
@@ -164,6 +171,58 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::ledger, &monitor);
     call1(Monitor::refused_configurations, &monitor);
     call1(Monitor::store, &monitor);
+    call2(Monitor::configure_inertial, &mut monitor, &UNIT);
+    call1(Monitor::tight, &monitor);
     let report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
     call2(report::encode, &report, out);
+    let mut secondaries = MonitorSecondaries::EMPTY;
+    let report = Monitor::process_with(
+        black_box(&mut monitor),
+        &mut NoCounter,
+        black_box(Some(&mut secondaries)),
+    );
+    call2(report::encode, &report, out);
+
+    let mut report = BankReport::EMPTY;
+    call2(Monitor::bank_report, &monitor, &mut report);
+    if let Some((time, verdict)) = Monitor::tight(&monitor).bank_verdict() {
+        BankReport::fill(
+            black_box(&mut report),
+            black_box(*time),
+            black_box(verdict),
+            SatelliteSet::EMPTY,
+            0,
+            core::iter::empty(),
+        );
+    }
+    call2(BankReport::encode, &report, out);
+    call1(BankReport::decode, bytes);
+}
+
+fn tight() {
+    let mut tight = TightMonitor::EMPTY;
+    call3(TightMonitor::configure, &mut tight, &UNIT, 1e-7);
+    call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
+    call3(
+        TightMonitor::on_corrected,
+        &mut tight,
+        &CorrectedEpoch::EMPTY,
+        None,
+    );
+    call1(TightMonitor::status, &tight);
+    call1(TightMonitor::is_running, &tight);
+    call1(TightMonitor::intake, &tight);
+    call1(TightMonitor::navigator, &tight);
+    call1(TightMonitor::bank, &tight);
+    call1(TightMonitor::bank_verdict, &tight);
+
+    let mut workspace = SnapshotWorkspace::EMPTY;
+    let corrected = SnapshotWorkspace::corrected(
+        black_box(&mut workspace),
+        black_box([0.0; 3]),
+        black_box([0.0; 3]),
+        black_box(SatelliteSet::EMPTY),
+        black_box(&mut CorrectedEpoch::EMPTY.clone()),
+    );
+    black_box(corrected.is_ok());
 }

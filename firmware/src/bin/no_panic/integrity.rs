@@ -24,4 +24,6 @@ pub fn all() {
     call2(ProtectionLevel::is_within, level, 0.0);
     call1(ProtectionLevel::bound_m, level);
     call3(Verdict::unavailable, Reason::None, 0.0, None);
+    let verdict = Verdict::unavailable(Reason::None, 0.0, None);
+    call2(Verdict::moved_by, &verdict, [0.0; 2]);
 }

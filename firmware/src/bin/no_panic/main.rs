@@ -7,7 +7,11 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod araim;
+#[cfg(target_os = "none")]
 mod call;
+#[cfg(target_os = "none")]
+mod ekf;
 #[cfg(target_os = "none")]
 mod facade;
 #[cfg(target_os = "none")]
@@ -16,6 +20,8 @@ mod gnss;
 mod ins;
 #[cfg(target_os = "none")]
 mod integrity;
+#[cfg(target_os = "none")]
+mod mhss;
 #[cfg(target_os = "none")]
 mod numbers;
 #[cfg(target_os = "none")]
@@ -36,7 +42,10 @@ fn main() -> ! {
     gnss::all();
     integrity::all();
     ins::all(&facade::UNIT, &facade::STATE, &facade::SAMPLE);
+    ekf::all(&facade::UNIT, &facade::STATE, gnss::EPHEMERIS.satellite);
+    mhss::all();
     raim::all();
+    araim::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha20Rng;
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::{ObservationEpoch, Satellite, SignalObservation};
 use surefix_core::ingest::{encode_imu, encode_inertial};
-use surefix_core::ins::{AttitudeStart, InertialConfig, SensorRange};
+use surefix_core::ins::{AttitudeStart, InertialConfig, MeasurementFactors, SensorRange};
 use surefix_core::time::{GpsTime, NS_PER_S};
 
 use super::clock::CLOCK_NOISE;
@@ -131,6 +131,7 @@ pub fn unit(scenario: &Scenario) -> InertialConfig {
         lever_arm_b_m: [0.0; 3],
         noise: scenario.grade.noise().density,
         clock: CLOCK_NOISE,
+        measurement: MeasurementFactors::ONE,
         range: SENSOR_RANGE,
         start: AttitudeStart::Given {
             roll_pitch_heading_rad: [

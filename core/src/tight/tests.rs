@@ -1,0 +1,165 @@
+//! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
+
+use super::*;
+use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
+use std::boxed::Box;
+
+/// INT-013.
+#[test]
+fn counters_tell_why_no_sample_could_be_used() {
+    let zero = IntakeCounters::ZERO;
+    assert_eq!(silence(None, zero), InertialStatus::NoSample);
+    let used = IntakeCounters { used: 7, ..zero };
+    assert_eq!(silence(None, used), InertialStatus::ImuSilent);
+    type Count = fn(&mut IntakeCounters) -> &mut u32;
+    let causes: [(Count, InertialStatus); 4] = [
+        (|c| &mut c.saturated, InertialStatus::ImuSaturated),
+        (|c| &mut c.not_finite, InertialStatus::ImuNotFinite),
+        (|c| &mut c.late, InertialStatus::ImuTime),
+        (|c| &mut c.bad_interval, InertialStatus::ImuTime),
+    ];
+    for (count, status) in causes {
+        let mut now = used;
+        *count(&mut now) += 1;
+        assert_eq!(silence(Some(used), now), status);
+        assert_eq!(silence(None, now), status);
+        // What was counted before the last epoch explains nothing.
+        assert_eq!(silence(Some(now), now), InertialStatus::ImuSilent);
+    }
+}
+
+const UNIT: InertialConfig = InertialConfig {
+    interval_ns: 10_000_000,
+    c_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    lever_arm_b_m: [0.0; 3],
+    noise: InertialNoise {
+        arw: 1e-4,
+        vrw: 1e-3,
+        gyro_bias_walk: 0.0,
+        accel_bias_walk: 0.0,
+    },
+    clock: ClockNoise {
+        bias_psd: 0.1,
+        drift_psd: 0.1,
+        drift_decay_per_s: 0.0,
+        inter_system_psd: 0.0,
+    },
+    measurement: MeasurementFactors::ONE,
+    range: SensorRange {
+        rate_radps: 10.0,
+        specific_force_mps2: 100.0,
+    },
+    start: AttitudeStart::Course { min_speed_mps: 5.0 },
+    sigma: InitialSigma {
+        position_m: 1.0,
+        velocity_mps: 0.1,
+        attitude_ned_rad: [0.01; 3],
+        gyro_bias_radps: 0.0,
+        accel_bias_mps2: 0.0,
+        clock_bias_m: 1.0,
+        clock_drift_mps: 0.1,
+    },
+};
+
+fn at(milliseconds: i64) -> GpsTime {
+    GpsTime::from_week_tow_ns(2400, milliseconds * 1_000_000)
+}
+
+fn running() -> Box<TightMonitor> {
+    let mut tight = Box::new(TightMonitor::EMPTY);
+    tight.configure(&UNIT, 1e-7).unwrap();
+    let state = InitialState {
+        time: at(0),
+        r_eb_e_m: [6_378_137.0, 0.0, 0.0],
+        v_eb_e_mps: [0.0; 3],
+        q_e_b: [1.0, 0.0, 0.0, 0.0],
+        gyro_bias_radps: [0.0; 3],
+        accel_bias_mps2: [0.0; 3],
+        clock_bias_m: 0.0,
+        clock_drift_mps: 0.0,
+    };
+    tight.start(&state);
+    tight
+}
+
+fn feed(tight: &mut TightMonitor, from: i64, to: i64) {
+    for milliseconds in (from + 10..=to).step_by(10) {
+        tight.on_sample(&ImuSample {
+            time: at(milliseconds),
+            interval_ns: 10_000_000,
+            dtheta_is_s_rad: [0.0; 3],
+            dv_is_s_mps: [0.0981, 0.0, 0.0],
+        });
+    }
+}
+
+/// INT-013.
+#[test]
+fn why_tight_mode_ended_is_told_once_whatever_came_after() {
+    let mut tight = running();
+    feed(&mut tight, 0, 500);
+    feed(&mut tight, 700, 1000);
+    tight.meets(at(1000));
+    tight.align(at(1000), None);
+    assert_eq!(tight.status(), InertialStatus::Aligning);
+    assert_eq!(tight.tell(), InertialStatus::ImuSilent);
+    assert_eq!(tight.tell(), InertialStatus::Aligning);
+    // The first cause is the cause.
+    tight.lose(InertialStatus::ImuSaturated);
+    tight.lose(InertialStatus::ImuSilent);
+    assert_eq!(tight.tell(), InertialStatus::ImuSaturated);
+}
+
+/// INT-016.
+#[test]
+fn a_filter_that_contradicts_tested_satellites_three_times_is_given_up() {
+    let mut tight = running();
+    feed(&mut tight, 0, 1000);
+    tight.meets(at(1000)).unwrap();
+    let at_epoch = tight.navigator.predict(at(1000));
+    let good = tight.finish(&at_epoch).unwrap();
+    let mut inconsistent = good;
+    inconsistent.navigation.nis = 1.01e3;
+    inconsistent.navigation.nis_rows = 10;
+    let mut no_number = good;
+    no_number.navigation.nis = f64::NAN;
+    let [near, far] = [[1.0, 1.0], [1e3, 1.0]];
+    let levels_m = [5.0, 5.0];
+    for (separation_m, solution) in [
+        (far, &good),
+        ([1.0, 1e3], &good),
+        ([f64::NAN, 1.0], &good),
+        (near, &inconsistent),
+        (near, &no_number),
+    ] {
+        let mut tight = running();
+        assert!(tight.compare(separation_m, levels_m, solution));
+        assert!(tight.compare(separation_m, levels_m, solution));
+        // One epoch in between that agrees, and the count begins anew.
+        assert!(tight.compare(near, levels_m, &good));
+        assert!(tight.compare(separation_m, levels_m, solution));
+        assert!(tight.compare(separation_m, levels_m, solution));
+        assert!(!tight.compare(separation_m, levels_m, solution));
+        assert_eq!(tight.status(), InertialStatus::Unhealthy);
+        assert_eq!(tight.last_attitude, None);
+    }
+}
+
+#[test]
+fn the_antenna_of_a_due_epoch_is_kept_until_it_is_told() {
+    let mut tight = running();
+    feed(&mut tight, 0, 990);
+    tight.remember(at(1000));
+    assert!(tight.remembered.is_none());
+    feed(&mut tight, 990, 1000);
+    tight.remember(at(1000));
+    let then = tight.remembered.unwrap();
+    feed(&mut tight, 1000, 1500);
+    tight.remember(at(1000));
+    assert_eq!(tight.remembered, Some(then));
+    let told = tight.on_silence(at(1000)).unwrap();
+    assert_eq!(told.r_e_m, then.r_e_m);
+    assert!(told.used.is_empty() && told.clock_m.iter().all(Option::is_none));
+    assert_eq!(tight.navigator.time(), at(1500));
+    assert!(tight.on_silence(at(1000)).is_none());
+}
