@@ -77,7 +77,7 @@ impl Araim {
         constellations: &[AraimConstellation],
         parameters: &AraimParameters,
     ) -> Result<AraimLevels, AraimError> {
-        self.prepare(satellites, constellations, parameters)?;
+        self.solve(satellites, constellations, parameters)?;
         let outcomes = self.outcomes();
         self.bound(parameters, self.p_not_monitored, outcomes)
     }

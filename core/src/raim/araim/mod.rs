@@ -379,12 +379,16 @@ impl Araim {
         constellations: &[AraimConstellation],
         parameters: &AraimParameters,
     ) -> Result<AraimLevels, AraimError> {
-        self.prepare(satellites, constellations, parameters)?;
+        self.solve(satellites, constellations, parameters)?;
         self.bound(parameters, self.p_not_monitored, 1.0)
     }
 
-    /// Modes and solutions.
-    fn prepare(
+    /// The part of [`Araim::evaluate`] before thresholds and levels: modes and their solutions.
+    ///
+    /// # Errors
+    /// [`AraimError`].
+    #[inline(never)]
+    pub fn solve(
         &mut self,
         satellites: &[AraimSatellite],
         constellations: &[AraimConstellation],

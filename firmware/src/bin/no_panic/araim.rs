@@ -39,6 +39,13 @@ pub fn all() {
     let mut araim = Araim::EMPTY;
     let mut scratch = Araim::EMPTY;
     call4(
+        Araim::solve,
+        &mut araim,
+        satellites,
+        constellations,
+        parameters,
+    );
+    call4(
         Araim::evaluate,
         &mut araim,
         satellites,
