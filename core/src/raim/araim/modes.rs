@@ -162,10 +162,15 @@ struct Group {
 pub(super) struct ModeList {
     p_not_monitored: f64,
     count: usize,
+    /// The first `count`; while events are listed, the last `wide_count` are those that leave a whole
+    /// constellation out.
     modes: [FaultMode; MAX_MODES],
+    wide_count: usize,
     elements: [Element; MAX_ELEMENTS],
     element_count: usize,
+    /// Constellations in view, the first `group_count`.
     groups: [Group; MAX_CONSTELLATIONS],
+    group_count: usize,
 }
 
 impl ModeList {
@@ -174,12 +179,14 @@ impl ModeList {
         p_not_monitored: 1.0,
         count: 0,
         modes: [FaultMode::EMPTY; MAX_MODES],
+        wide_count: 0,
         elements: [Element::EMPTY; MAX_ELEMENTS],
         element_count: 0,
         groups: [Group {
             satellites: SatelliteSet::EMPTY,
             consolidation_limit: 0.0,
         }; MAX_CONSTELLATIONS],
+        group_count: 0,
     };
 
     /// The modes, the fault-free one first.
@@ -210,6 +217,7 @@ impl ModeList {
         let p_fault_free = self.collect(satellites, constellations, parameters);
         for simultaneous in parameters.simultaneous_at_least..=MAX_SIMULTANEOUS {
             self.list(simultaneous, p_fault_free)?;
+            self.append_wide();
             self.select(p_fault_free, parameters.p_threshold);
             if self.p_not_monitored <= parameters.p_threshold {
                 return Ok(());
@@ -237,23 +245,26 @@ impl ModeList {
             ];
             self.add_element(set, p, &mut p_fault_free);
         }
-        for group in &mut self.groups {
-            group.satellites = SatelliteSet::EMPTY;
-        }
-        for (index, satellite) in satellites.iter().enumerate() {
-            if let Some(group) = self.groups.get_mut(satellite.constellation) {
-                group.satellites = group.satellites.with(index);
-            }
-        }
+        self.group_count = 0;
         for (index, constellation) in constellations.iter().enumerate() {
+            let mut members = SatelliteSet::EMPTY;
+            for (number, satellite) in satellites.iter().enumerate() {
+                if satellite.constellation == index {
+                    members = members.with(number);
+                }
+            }
+            if members.is_empty() {
+                continue;
+            }
             let p_exposure = constellation.p_fault * (1.0 + constellation.exposure);
-            let Some(group) = self.groups.get_mut(index) else {
-                break;
-            };
-            group.consolidation_limit = parameters.consolidation_share * p_exposure;
-            let set = group.satellites;
-            if !set.is_empty() {
-                self.add_element(set, [constellation.p_fault, p_exposure], &mut p_fault_free);
+            let p = [constellation.p_fault, p_exposure];
+            self.add_element(members, p, &mut p_fault_free);
+            if let Some(group) = self.groups.get_mut(self.group_count) {
+                *group = Group {
+                    satellites: members,
+                    consolidation_limit: parameters.consolidation_share * p_exposure,
+                };
+                self.group_count += 1;
             }
         }
         p_fault_free
@@ -282,6 +293,7 @@ impl ModeList {
     /// Every event of 1 to `simultaneous` elements, counted to its mode.
     fn list(&mut self, simultaneous: usize, p_fault_free: [f64; 2]) -> Result<(), AraimError> {
         self.count = 0;
+        self.wide_count = 0;
         let elements = self.elements;
         let elements = elements.get(..self.element_count).unwrap_or(&[]);
         let none = (SatelliteSet::EMPTY, p_fault_free);
@@ -323,10 +335,7 @@ impl ModeList {
         let [p_instant, p_exposure] = p;
         let mut excluded = set;
         let mut covers_a_constellation = false;
-        for group in &self.groups {
-            if group.satellites.is_empty() {
-                continue;
-            }
+        for group in self.groups.iter().take(self.group_count) {
             if group.satellites.contains_all(set)
                 && set != group.satellites
                 && p_exposure <= group.consolidation_limit
@@ -335,31 +344,56 @@ impl ModeList {
             }
             covers_a_constellation |= excluded.contains_all(group.satellites);
         }
-        // Only through a constellation do two events make the same satellites faulty.
-        let listed = self.modes.get_mut(..self.count).unwrap_or(&mut []);
-        if covers_a_constellation
-            && let Some(mode) = listed.iter_mut().find(|mode| mode.excluded == excluded)
-        {
-            mode.p_instant += p_instant;
-            mode.p_exposure += p_exposure;
-            return Ok(());
-        }
-        // The last place stays free for the fault-free mode.
-        if self.count + 1 >= MAX_MODES {
-            return Err(AraimError::ModesExceedCapacity);
-        }
-        let mode = self
-            .modes
-            .get_mut(self.count)
-            .ok_or(AraimError::ModesExceedCapacity)?;
-        *mode = FaultMode {
+        let mode = FaultMode {
             excluded,
             p_instant,
             p_exposure,
             is_monitored: false,
         };
-        self.count += 1;
+        let free = MAX_MODES
+            .wrapping_sub(self.count)
+            .wrapping_sub(self.wide_count);
+        if !covers_a_constellation {
+            // The last place stays free for the fault-free mode.
+            if free < 2 {
+                return Err(AraimError::ModesExceedCapacity);
+            }
+            if let Some(place) = self.modes.get_mut(self.count) {
+                *place = mode;
+            }
+            self.count += 1;
+            return Ok(());
+        }
+        // Only through a constellation do two events make the same satellites faulty.
+        let wide = self.modes.iter_mut().rev().take(self.wide_count);
+        for known in wide {
+            if known.excluded == excluded {
+                known.p_instant += p_instant;
+                known.p_exposure += p_exposure;
+                return Ok(());
+            }
+        }
+        if free < 2 {
+            return Err(AraimError::ModesExceedCapacity);
+        }
+        if let Some(place) = self.modes.iter_mut().rev().nth(self.wide_count) {
+            *place = mode;
+        }
+        self.wide_count += 1;
         Ok(())
+    }
+
+    /// Puts the modes that leave a constellation out after the others.
+    fn append_wide(&mut self) {
+        // From the front, so that none is overwritten before it is read.
+        let from = MAX_MODES.wrapping_sub(self.wide_count);
+        for index in 0..self.wide_count {
+            let wide = self.modes.get(from.wrapping_add(index)).copied();
+            if let (Some(wide), Some(place)) = (wide, self.modes.get_mut(self.count)) {
+                *place = wide;
+                self.count += 1;
+            }
+        }
     }
 
     /// Sorts, keeps what must be monitored, and puts the fault-free mode in front.
@@ -428,14 +462,22 @@ impl ModeList {
     }
 }
 
-/// Stable, in place, fast on what is almost sorted.
+/// In place, fast on what is almost sorted.
 fn insertion_sort(modes: &mut [FaultMode], key: impl Fn(&FaultMode) -> u64) {
+    let Some(first) = modes.first() else {
+        return;
+    };
+    let mut largest_key = key(first);
     for end in 2..=modes.len() {
         let Some((last, sorted)) = modes.get_mut(..end).and_then(<[_]>::split_last_mut) else {
             return;
         };
+        let moving_key = key(last);
+        if largest_key <= moving_key {
+            largest_key = moving_key;
+            continue;
+        }
         let moving = *last;
-        let moving_key = key(&moving);
         let mut hole = last;
         for earlier in sorted.iter_mut().rev() {
             if key(earlier) <= moving_key {

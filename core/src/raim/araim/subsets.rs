@@ -69,23 +69,23 @@ impl SubsetSolution {
     };
 }
 
-/// Directions without the clocks, and the covariance of the position, for one set of variances.
+/// The geometry without the clocks, for one set of variances.
 #[derive(Clone, Debug)]
-struct Whitened {
-    /// √W, 1/m; zero for a satellite that is not in use.
-    roots: [f64; MAX_ARAIM_SATELLITES],
-    /// A.
-    rows: [[f64; 3]; MAX_ARAIM_SATELLITES],
+struct Centred {
+    /// W, 1/m²; zero for a satellite that is not in use.
+    weights: [f64; MAX_ARAIM_SATELLITES],
+    /// G minus the mean of its constellation.
+    directions: [[f64; 3]; MAX_ARAIM_SATELLITES],
     /// Sum of W per constellation.
     weight_sums: [f64; MAX_CONSTELLATIONS],
     /// P.
     covariance_m2: [f64; 6],
 }
 
-impl Whitened {
+impl Centred {
     const EMPTY: Self = Self {
-        roots: [0.0; MAX_ARAIM_SATELLITES],
-        rows: [[0.0; 3]; MAX_ARAIM_SATELLITES],
+        weights: [0.0; MAX_ARAIM_SATELLITES],
+        directions: [[0.0; 3]; MAX_ARAIM_SATELLITES],
         weight_sums: [0.0; MAX_CONSTELLATIONS],
         covariance_m2: [0.0; 6],
     };
@@ -98,19 +98,18 @@ impl Whitened {
     ) -> Result<(), AraimError> {
         *self = Self::EMPTY;
         let mut means = [[0.0; 3]; MAX_CONSTELLATIONS];
-        for ((index, satellite), root) in satellites.iter().enumerate().zip(&mut self.roots) {
+        for ((index, satellite), weight) in satellites.iter().enumerate().zip(&mut self.weights) {
             if !active.contains(index) {
                 continue;
             }
-            let weight = 1.0 / variance_m2(satellite);
-            *root = libm::sqrt(weight);
+            *weight = 1.0 / variance_m2(satellite);
             if let (Some(sum), Some(mean)) = (
                 self.weight_sums.get_mut(satellite.constellation),
                 means.get_mut(satellite.constellation),
             ) {
-                *sum += weight;
+                *sum += *weight;
                 for (mean, entry) in mean.iter_mut().zip(&satellite.design_enu) {
-                    *mean += weight * entry;
+                    *mean += *weight * entry;
                 }
             }
         }
@@ -120,21 +119,17 @@ impl Whitened {
             }
         }
         let mut information = [0.0; 6];
-        let rows = self.rows.iter_mut().zip(&self.roots);
-        for (satellite, (row, root)) in satellites.iter().zip(rows) {
+        let places = self.directions.iter_mut().zip(&self.weights);
+        for (satellite, (direction, weight)) in satellites.iter().zip(places) {
             let mean = means.get(satellite.constellation);
             let [mean_east, mean_north, mean_up] = mean.copied().unwrap_or_default();
             let [east, north, up] = satellite.design_enu;
-            let [e, n, u] = [
-                root * (east - mean_east),
-                root * (north - mean_north),
-                root * (up - mean_up),
-            ];
+            let [e, n, u] = [east - mean_east, north - mean_north, up - mean_up];
             let products = [e * e, e * n, e * u, n * n, n * u, u * u];
             for (sum, product) in information.iter_mut().zip(products) {
-                *sum += product;
+                *sum += weight * product;
             }
-            *row = [e, n, u];
+            *direction = [e, n, u];
         }
         self.covariance_m2 = inverse(&information).ok_or(AraimError::SingularGeometry)?;
         Ok(())
@@ -167,8 +162,10 @@ pub(super) struct AllInView {
     unknowns: usize,
     active: SatelliteSet,
     constellations: [SatelliteSet; MAX_CONSTELLATIONS],
-    integrity: Whitened,
-    accuracy: Whitened,
+    integrity: Centred,
+    accuracy: Centred,
+    /// √W of the integrity variances.
+    roots: [f64; MAX_ARAIM_SATELLITES],
     rows: [Row; MAX_ARAIM_SATELLITES],
     residual: [[f64; MAX_ARAIM_SATELLITES]; MAX_ARAIM_SATELLITES],
 }
@@ -181,17 +178,22 @@ struct Step {
     inverse_pivot: f64,
 }
 
+impl Step {
+    /// g_k/p_k.
+    fn factors(&self) -> [f64; 3] {
+        self.gain.map(|gain| gain * self.inverse_pivot)
+    }
+}
+
 /// The rank-one updates that leave a set out.
 #[derive(Clone, Debug)]
 pub(super) struct LeaveOut {
-    excluded: SatelliteSet,
     count: usize,
     steps: [Step; MAX_ARAIM_SATELLITES],
 }
 
 impl LeaveOut {
     pub(super) const EMPTY: Self = Self {
-        excluded: SatelliteSet::EMPTY,
         count: 0,
         steps: [Step {
             row: [0.0; MAX_ARAIM_SATELLITES],
@@ -227,8 +229,9 @@ impl AllInView {
         unknowns: 0,
         active: SatelliteSet::EMPTY,
         constellations: [SatelliteSet::EMPTY; MAX_CONSTELLATIONS],
-        integrity: Whitened::EMPTY,
-        accuracy: Whitened::EMPTY,
+        integrity: Centred::EMPTY,
+        accuracy: Centred::EMPTY,
+        roots: [0.0; MAX_ARAIM_SATELLITES],
         rows: [Row::EMPTY; MAX_ARAIM_SATELLITES],
         residual: [[0.0; MAX_ARAIM_SATELLITES]; MAX_ARAIM_SATELLITES],
     };
@@ -284,12 +287,14 @@ impl AllInView {
         })?;
 
         self.rows = [Row::EMPTY; MAX_ARAIM_SATELLITES];
-        let whitened = self.integrity.rows.iter().zip(&self.integrity.roots);
+        self.roots = self.integrity.weights.map(libm::sqrt);
+        let geometry = self.integrity.directions.iter().zip(&self.roots);
         for (satellite, (row, (direction, root))) in
-            satellites.iter().zip(self.rows.iter_mut().zip(whitened))
+            satellites.iter().zip(self.rows.iter_mut().zip(geometry))
         {
+            let gain = times(&self.integrity.covariance_m2, direction);
             *row = Row {
-                gain: times(&self.integrity.covariance_m2, direction),
+                gain: gain.map(|entry| root * entry),
                 accuracy_ratio: satellite.variance_accuracy_m2 / satellite.variance_integrity_m2,
                 bias_integrity: root * satellite.bias_integrity_m,
                 bias_accuracy: root * satellite.bias_accuracy_m,
@@ -301,29 +306,27 @@ impl AllInView {
 
     /// R = I − √w √wᵀ/Σw within a constellation − A P Aᵀ.
     fn form_residual(&mut self, satellites: &[AraimSatellite]) {
-        let Whitened {
-            roots,
-            rows: directions,
-            weight_sums,
-            ..
-        } = &self.integrity;
-        let this = self.residual.iter_mut().zip(roots).zip(&self.rows);
-        for ((index, satellite), ((residual, root), row)) in satellites.iter().enumerate().zip(this)
+        let places = self.residual.iter_mut().zip(&self.rows).zip(&self.roots);
+        for ((index, satellite), ((residual, row), root)) in
+            satellites.iter().enumerate().zip(places)
         {
-            *residual = [0.0; MAX_ARAIM_SATELLITES];
-            let scale = match weight_sums.get(satellite.constellation) {
+            let sum = self.integrity.weight_sums.get(satellite.constellation);
+            let scale = match sum {
                 Some(sum) if *sum > 0.0 => root / sum,
                 _ => 0.0,
             };
-            let others = satellites.iter().zip(roots.iter().zip(directions));
-            for ((other_index, (other, (other_root, direction))), entry) in
-                others.enumerate().zip(residual.iter_mut())
-            {
-                let mut value = if other_index == index { 1.0 } else { 0.0 };
-                if other.constellation == satellite.constellation {
-                    value -= scale * other_root;
-                }
-                *entry = value - dot(&row.gain, direction);
+            let others = self.integrity.directions.iter().zip(&self.roots);
+            let others = satellites.iter().zip(others).zip(residual.iter_mut());
+            for ((other, (direction, other_root)), entry) in others {
+                let clock = if other.constellation == satellite.constellation {
+                    scale
+                } else {
+                    0.0
+                };
+                *entry = -other_root * (clock + dot(&row.gain, direction));
+            }
+            if let Some(entry) = residual.get_mut(index) {
+                *entry += 1.0;
             }
         }
     }
@@ -341,7 +344,6 @@ impl AllInView {
 
     /// Finds the updates that leave a set out; `false` if what remains does not determine the position.
     pub(super) fn leave_out(&self, excluded: SatelliteSet, work: &mut LeaveOut) -> bool {
-        work.excluded = excluded;
         work.count = 0;
         let eliminated = self.without_one_of_each_whole_constellation(excluded);
         if self.active.len() < eliminated.len() + self.unknowns {
@@ -399,44 +401,60 @@ impl AllInView {
     pub(super) fn solution(&self, leave_out: &LeaveOut, solution: &mut SubsetSolution) {
         let [ee, _, _, nn, _, uu] = self.integrity.covariance_m2;
         let mut variance = [ee, nn, uu];
-        let mut coefficients = [[0.0; 3]; MAX_ARAIM_SATELLITES];
         for step in leave_out.steps() {
-            let factor = step.gain.map(|gain| gain * step.inverse_pivot);
-            for ((sum, gain), factor) in variance.iter_mut().zip(&step.gain).zip(&factor) {
-                *sum += gain * factor;
-            }
-            let [e, n, u] = factor;
-            for (coefficient, entry) in coefficients.iter_mut().zip(&step.row).take(self.n) {
-                let [east, north, up] = coefficient;
-                *east += e * entry;
-                *north += n * entry;
-                *up += u * entry;
-            }
-        }
-        let mut separation = [0.0; 3];
-        let mut bias = [0.0; 3];
-        let mut bias_separation = [0.0; 3];
-        let rows = self.rows.iter().zip(&coefficients).take(self.n);
-        for (index, (row, coefficient)) in rows.enumerate() {
-            // A satellite that is left out has no part in the solution; rounding would leave 1e-16.
-            let bias_integrity = if leave_out.excluded.contains(index) {
-                0.0
-            } else {
-                row.bias_integrity
-            };
-            let sums = separation
-                .iter_mut()
-                .zip(&mut bias)
-                .zip(&mut bias_separation);
-            for (((separation, bias), bias_separation), (u, gain)) in
-                sums.zip(coefficient.iter().zip(&row.gain))
-            {
-                *separation += u * u * row.accuracy_ratio;
-                *bias += libm::fabs(gain - u) * bias_integrity;
-                *bias_separation += libm::fabs(*u) * row.bias_accuracy;
+            for (sum, gain) in variance.iter_mut().zip(&step.gain) {
+                *sum += gain * gain * step.inverse_pivot;
             }
         }
         solution.sigma_m = variance.map(libm::sqrt);
+        // One or two steps are nearly all modes, and need no memory for u.
+        match leave_out.steps() {
+            [] => self.sum_up(core::iter::repeat([0.0; 3]), solution),
+            [one] => {
+                let [e, n, u] = one.factors();
+                let coefficients = one.row.iter().map(|x| [e * x, n * x, u * x]);
+                self.sum_up(coefficients, solution);
+            }
+            [one, two] => {
+                let [e, n, u] = one.factors();
+                let [f, o, v] = two.factors();
+                let rows = one.row.iter().zip(&two.row);
+                let coefficients = rows.map(|(x, y)| [e * x + f * y, n * x + o * y, u * x + v * y]);
+                self.sum_up(coefficients, solution);
+            }
+            steps => {
+                let mut coefficients = [[0.0; 3]; MAX_ARAIM_SATELLITES];
+                for step in steps {
+                    let [e, n, u] = step.factors();
+                    for (coefficient, x) in coefficients.iter_mut().zip(&step.row).take(self.n) {
+                        let [east, north, up] = coefficient;
+                        *east += e * x;
+                        *north += n * x;
+                        *up += u * x;
+                    }
+                }
+                self.sum_up(coefficients.iter().copied(), solution);
+            }
+        }
+    }
+
+    /// Spread of the separation with the coefficients u, and biases of it and of the solution. A satellite that
+    /// is left out counts with B − u, which is zero but for rounding.
+    fn sum_up(&self, coefficients: impl Iterator<Item = [f64; 3]>, solution: &mut SubsetSolution) {
+        let mut separation = [0.0; 3];
+        let mut bias = [0.0; 3];
+        let mut bias_separation = [0.0; 3];
+        for (row, u) in self.rows.iter().zip(coefficients).take(self.n) {
+            for (sum, u) in separation.iter_mut().zip(&u) {
+                *sum += u * u * row.accuracy_ratio;
+            }
+            for (sum, (gain, u)) in bias.iter_mut().zip(row.gain.iter().zip(&u)) {
+                *sum += libm::fabs(gain - u) * row.bias_integrity;
+            }
+            for (sum, u) in bias_separation.iter_mut().zip(&u) {
+                *sum += libm::fabs(*u) * row.bias_accuracy;
+            }
+        }
         solution.sigma_separation_m = separation.map(libm::sqrt);
         solution.bias_m = bias;
         solution.bias_separation_m = bias_separation;
@@ -446,9 +464,7 @@ impl AllInView {
     pub(super) fn fit(&self, residual_m: &[f64]) -> Fit {
         let mut whitened = [0.0; MAX_ARAIM_SATELLITES];
         let mut position_enu_m = [0.0; 3];
-        let scaled = whitened
-            .iter_mut()
-            .zip(residual_m.iter().zip(&self.integrity.roots));
+        let scaled = whitened.iter_mut().zip(residual_m.iter().zip(&self.roots));
         for ((entry, (given, root)), row) in scaled.zip(&self.rows) {
             *entry = given * root;
             for (sum, gain) in position_enu_m.iter_mut().zip(&row.gain) {
@@ -480,38 +496,38 @@ impl AllInView {
     /// Least sum of squares with the weights for accuracy, from the residuals of the other solution.
     fn sum_of_squares_accuracy(&self, residual: &[f64; MAX_ARAIM_SATELLITES]) -> f64 {
         let accuracy = &self.accuracy;
-        // √W_acc times the residual in metres, then without the clocks.
-        let mut scaled = [0.0; MAX_ARAIM_SATELLITES];
-        let roots = accuracy.roots.iter().zip(&self.integrity.roots);
-        for ((entry, value), (root, integrity_root)) in scaled.iter_mut().zip(residual).zip(roots) {
-            if *integrity_root > 0.0 {
-                *entry = value * (root / integrity_root);
+        // In metres, then without the clocks.
+        let mut centred_m = [0.0; MAX_ARAIM_SATELLITES];
+        for ((entry, value), root) in centred_m.iter_mut().zip(residual).zip(&self.roots) {
+            if *root > 0.0 {
+                *entry = value / root;
             }
         }
         for (members, sum) in self.constellations.iter().zip(&accuracy.weight_sums) {
             let mut mean = 0.0;
-            for (index, (entry, root)) in scaled.iter().zip(&accuracy.roots).enumerate() {
+            for (index, (entry, weight)) in centred_m.iter().zip(&accuracy.weights).enumerate() {
                 if members.contains(index) {
-                    mean += entry * root;
+                    mean += entry * weight;
                 }
             }
-            for (index, (entry, root)) in scaled.iter_mut().zip(&accuracy.roots).enumerate() {
+            for (index, entry) in centred_m.iter_mut().enumerate() {
                 if members.contains(index) {
-                    *entry -= root * (mean / sum);
+                    *entry -= mean / sum;
                 }
             }
         }
+        let rows = || accuracy.directions.iter().zip(&accuracy.weights);
         let mut right = [0.0; 3];
-        for (entry, row) in scaled.iter().zip(&accuracy.rows) {
-            for (sum, direction) in right.iter_mut().zip(row) {
-                *sum += direction * entry;
+        for (entry, (direction, weight)) in centred_m.iter().zip(rows()) {
+            for (sum, component) in right.iter_mut().zip(direction) {
+                *sum += weight * component * entry;
             }
         }
         let position = times(&accuracy.covariance_m2, &right);
         let mut sum = 0.0;
-        for (entry, row) in scaled.iter().zip(&accuracy.rows) {
-            let left = entry - dot(row, &position);
-            sum += left * left;
+        for (entry, (direction, weight)) in centred_m.iter().zip(rows()) {
+            let left = entry - dot(direction, &position);
+            sum += weight * left * left;
         }
         sum
     }
