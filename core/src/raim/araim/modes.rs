@@ -489,3 +489,83 @@ fn insertion_sort(modes: &mut [FaultMode], key: impl Fn(&FaultMode) -> u64) {
         *hole = moving;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set(indices: &[usize]) -> SatelliteSet {
+        indices
+            .iter()
+            .fold(SatelliteSet::EMPTY, |set, i| set.with(*i))
+    }
+
+    #[test]
+    fn sets_are_ordered_by_size_then_as_lists() {
+        let sorted = [
+            set(&[]),
+            set(&[0]),
+            set(&[1]),
+            set(&[23]),
+            set(&[0, 1]),
+            set(&[0, 23]),
+            set(&[1, 2]),
+            set(&[0, 1, 31]),
+            set(&[0, 2, 3]),
+        ];
+        for pair in sorted.windows(2) {
+            assert!(pair[0].order() < pair[1].order(), "{pair:?}");
+        }
+        assert!(set(&[3, 7]).iter().eq([3, 7]));
+        assert_eq!(set(&[40]), SatelliteSet::EMPTY);
+        assert_eq!(SatelliteSet::first(32).len(), 32);
+        assert_eq!(set(&[1, 2, 3]).without(set(&[2])), set(&[1, 3]));
+    }
+
+    #[test]
+    fn sorting_puts_any_order_right() {
+        let mut modes = [FaultMode::EMPTY; 40];
+        for (i, mode) in modes.iter_mut().enumerate() {
+            mode.p_instant = ((i * 23 + 7) % 40) as f64;
+        }
+        insertion_sort(&mut modes, |mode| mode.p_instant as u64);
+        for (i, mode) in modes.iter().enumerate() {
+            assert_eq!(mode.p_instant, i as f64);
+        }
+    }
+
+    #[test]
+    fn events_within_a_constellation_are_counted_to_its_fault() {
+        let satellite = |i: usize| AraimSatellite {
+            constellation: i / 2,
+            p_fault: 1e-5,
+            ..AraimSatellite::EMPTY
+        };
+        let satellites: std::vec::Vec<_> = (0..4).map(satellite).collect();
+        let constellation = |p_fault| AraimConstellation {
+            p_fault,
+            exposure: 0.0,
+        };
+        let mut list = std::boxed::Box::new(ModeList::EMPTY);
+        let systems = [constellation(1e-4), constellation(0.0)];
+        list.enumerate(&satellites, &systems, &AraimParameters::LPV_200)
+            .unwrap();
+        let excluded: std::vec::Vec<_> = list.modes().iter().map(|mode| mode.excluded).collect();
+        assert_eq!(
+            excluded,
+            [
+                set(&[]),
+                set(&[0]),
+                set(&[1]),
+                set(&[2]),
+                set(&[3]),
+                set(&[0, 1])
+            ]
+        );
+        // Its own fault, alone or with one of its satellites, and both satellites without it.
+        let others = (1.0 - 1e-5) * (1.0 - 1e-5);
+        let wide = 1e-4 * (others + 2.0 * 1e-5 * (1.0 - 1e-5)) + (1.0 - 1e-4) * 1e-10;
+        let p = list.modes()[5].p_instant;
+        assert!((p / (wide * others) - 1.0).abs() < 1e-12, "{p}");
+    }
+}

@@ -603,3 +603,27 @@ fn inverse(m: &[f64; 6]) -> Option<[f64; 6]> {
         .all(|entry| entry.is_finite())
         .then_some(inverse)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_inverse_undoes_its_matrix_and_a_singular_one_has_none() {
+        let m = [4.0, 1.0, -0.5, 3.0, 0.25, 2.0];
+        let inverse = inverse(&m).unwrap();
+        for (i, unit) in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+            .iter()
+            .enumerate()
+        {
+            let back = times(&m, &times(&inverse, unit));
+            for (j, entry) in back.iter().enumerate() {
+                let expected = if i == j { 1.0 } else { 0.0 };
+                assert!((entry - expected).abs() < 1e-15);
+            }
+        }
+        assert_eq!(super::inverse(&[1.0, 1.0, 0.0, 1.0, 0.0, 1.0]), None);
+        assert_eq!(super::inverse(&[f64::NAN, 0.0, 0.0, 1.0, 0.0, 1.0]), None);
+        assert_eq!(super::inverse(&[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]), None);
+    }
+}

@@ -134,3 +134,32 @@ pub fn galileo_user_sigma_m(elevation_rad: f64) -> f64 {
     // NaN in, NaN out.
     if position.is_nan() { position } else { value }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_grow_towards_the_horizon_and_nan_stays_nan() {
+        for model in [gps_user_sigma_m, troposphere_sigma_m] {
+            for degree in 1..90 {
+                let low = f64::from(degree).to_radians();
+                assert!(model(low) > model(low + 0.01));
+            }
+        }
+        assert_eq!(galileo_user_sigma_m(0.0), 0.4529);
+        assert_eq!(galileo_user_sigma_m(10.0_f64.to_radians()), 0.3553);
+        assert!((galileo_user_sigma_m(12.5_f64.to_radians()) - 0.3308).abs() < 1e-12);
+        assert_eq!(galileo_user_sigma_m(PI / 2.0), 0.2277);
+        assert!(galileo_user_sigma_m(f64::NAN).is_nan());
+        assert!((gps_user_sigma_m(PI / 2.0) / 0.513_8 - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn rate_and_duration_give_probability_and_exposure() {
+        let rate = FaultRate::from_rate(1e-5 / 3600.0, 3600.0);
+        assert!((rate.p_instant - 1e-5).abs() < 1e-20);
+        assert_eq!(rate.exposure(0.0), 0.0);
+        assert!((rate.exposure(150.0) - 150.0 / 3600.0).abs() < 1e-15);
+    }
+}
