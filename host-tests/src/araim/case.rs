@@ -2,7 +2,8 @@
 
 use serde_json::{Map, Value};
 use surefix_core::raim::araim::{
-    AraimConstellation, AraimError, AraimParameters, AraimSatellite, ParameterField, SatelliteField,
+    AraimConstellation, AraimError, AraimParameters, AraimSatellite, MAX_ARAIM_SATELLITES,
+    MAX_CONSTELLATIONS, MAX_MODES, ParameterField, SatelliteField,
 };
 
 /// Why a case has no result.
@@ -347,10 +348,10 @@ impl<'a> Case<'a> {
 pub(super) fn explain(error: &AraimError) -> String {
     match error {
         AraimError::SatellitesOutOfRange { satellites } => {
-            format!("{satellites} satellites; 1 to 24 can be taken")
+            format!("{satellites} satellites; 1 to {MAX_ARAIM_SATELLITES} can be taken")
         }
         AraimError::ConstellationsOutOfRange { constellations } => {
-            format!("{constellations} constellations; 1 to 4 can be taken")
+            format!("{constellations} constellations; 1 to {MAX_CONSTELLATIONS} can be taken")
         }
         AraimError::Satellite { field, value, .. } => match field {
             SatelliteField::Design => format!("direction of length {value}, not 1"),
@@ -377,7 +378,7 @@ pub(super) fn explain(error: &AraimError) -> String {
         } => format!("{satellites} satellites for {unknowns} unknowns"),
         AraimError::SingularGeometry => "the satellites do not determine the position".to_owned(),
         AraimError::ModesExceedCapacity => {
-            "so likely that more than 512 fault modes had to be monitored".to_owned()
+            format!("so likely that more than {MAX_MODES} fault modes had to be monitored")
         }
         AraimError::FaultsTooLikely { p_not_monitored } => format!(
             "so likely that {p_not_monitored:e} stays unmonitored with three faults at a time"

@@ -4,7 +4,7 @@
 //! the position without it, and levels that count the risk of having taken out the wrong one.
 //!
 //! Candidates are the monitored modes, the most likely first: by the sum of squares that remains, the prior,
-//! and [`PENALTY_PER_DEGREE`] for each degree of freedom that a mode takes (a constellation explains almost
+//! and a penalty for each degree of freedom that a mode takes (a constellation explains almost
 //! anything). The first is taken out whose remaining satellites pass all their own tests: separations
 //! against the modes that are still possible, and the sum of squares. The order decides what is available,
 //! not what is safe.

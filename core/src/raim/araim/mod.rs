@@ -344,7 +344,7 @@ impl From<StatsError> for AraimError {
     }
 }
 
-/// ARAIM of one epoch: the modes, their solutions and the memory to find them (130 kB; belongs into
+/// ARAIM of one epoch: the modes, their solutions and the memory to find them (100 kB; belongs into
 /// a `static`).
 #[derive(Clone, Debug)]
 pub struct Araim {
@@ -355,6 +355,8 @@ pub struct Araim {
     count: usize,
     subsets: [SubsetSolution; MAX_MODES],
 }
+
+const _: () = assert!(size_of::<Araim>() <= 100_000);
 
 impl Araim {
     /// Nothing evaluated.

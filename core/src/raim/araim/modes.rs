@@ -1,6 +1,6 @@
 //! The faults to monitor: events of satellites and constellations until what is left is unlikely.
 //!
-//! In: fault probabilities of satellites and constellations, P_THRES, F_C. Out: [`ModeList`], each mode the
+//! In: fault probabilities of satellites and constellations, P_THRES, F_C. Out: a list of modes, each the
 //! set of satellites that its solution leaves out and the probability of the events it stands for.
 //!
 //! An event is a set of satellites and constellations that are faulty at once while the others are not;

@@ -135,7 +135,7 @@ fn sky(
 ) -> [AraimSatellite; MAX_ARAIM_SATELLITES] {
     let mut satellites = [AraimSatellite::EMPTY; MAX_ARAIM_SATELLITES];
     for (i, satellite) in satellites.iter_mut().take(n).enumerate() {
-        let azimuth = 6.28 * (i as f64 * 0.381_966 + 0.02 * random.normal());
+        let azimuth = core::f64::consts::TAU * (i as f64 * 0.381_966 + 0.02 * random.normal());
         let sine = 0.1 + 0.88 * ((i as f64 + 0.5) / n as f64);
         let cosine = libm::sqrt(1.0 - sine * sine);
         let variance = 1.0 + 0.3 / sine;
