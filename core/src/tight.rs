@@ -137,7 +137,7 @@ impl<'a> TestedSolution<'a> {
     }
 }
 
-/// Everything tight mode needs. About 20 kB; lives in a static.
+/// Everything tight mode needs, the secondary filters apart. About 100 kB; lives in a static.
 pub struct TightMonitor {
     config: Option<InertialConfig>,
     reference: Option<ReferenceModel>,
@@ -566,6 +566,28 @@ impl TightMonitor {
         serves
     }
 
+    /// It is `now` by a clock beside the samples': samples that are too old by it have stopped.
+    pub(crate) fn hear_nothing(&mut self, now: GpsTime) {
+        let lead_ns = now.ns().saturating_sub(self.navigator.time().ns());
+        if self.is_running() && lead_ns > MAX_LEAD_NS {
+            self.missing = Some(InertialStatus::ImuSilent);
+            self.lose(InertialStatus::ImuSilent);
+        }
+    }
+
+    /// All times so far were wrong by this much, ns: the week of the receiver became known.
+    pub(crate) fn shift(&mut self, by_ns: i64) {
+        let shifted = |time: GpsTime| time.plus_ns(by_ns);
+        self.intake.shift(by_ns);
+        self.navigator.shift(by_ns);
+        self.alignment.restart();
+        self.last_epoch = self.last_epoch.map(shifted);
+        self.last_attitude = self
+            .last_attitude
+            .map(|(attitude, when)| (attitude, shifted(when)));
+        self.remembered = None;
+    }
+
     /// Whether the filter serves.
     pub const fn is_running(&self) -> bool {
         matches!(
@@ -664,9 +686,10 @@ impl TightMonitor {
             Ok(q_e_b) => q_e_b,
             // Standing or nearly so: the attitude is about what it was.
             Err(NotAligned::TooSlow { .. }) => {
-                let recent = self
-                    .last_attitude
-                    .filter(|(_, when)| time.ns().saturating_sub(when.ns()) <= MAX_ATTITUDE_AGE_NS);
+                let recent = self.last_attitude.filter(|(_, when)| {
+                    let age_ns = time.ns().saturating_sub(when.ns());
+                    (0..=MAX_ATTITUDE_AGE_NS).contains(&age_ns)
+                });
                 let Some((q_e_b, _)) = recent else {
                     return;
                 };
@@ -730,12 +753,15 @@ impl TightMonitor {
         if let Some(jump_m) = seen.or_else(|| self.innovations(at, is_known).and_then(common_jump))
         {
             let whole_m = libm::round(jump_m / MILLISECOND_M) * MILLISECOND_M;
-            // Clocks that are steered by whole milliseconds do it exactly.
-            let is_whole = whole_m != 0.0 && libm::fabs(jump_m - whole_m) <= COMMON_M;
-            let (jump_m, sigma_m) = if is_whole {
-                (whole_m, 0.0)
-            } else {
+            let rest_m = libm::fabs(jump_m - whole_m);
+            // Clocks that are steered by whole milliseconds do it exactly; what is left over beyond the
+            // measurements' noise is not known to be noise.
+            let (jump_m, sigma_m) = if whole_m == 0.0 || rest_m > COMMON_M {
                 (jump_m, COMMON_M)
+            } else if rest_m > SEEN_JUMP_M {
+                (whole_m, rest_m)
+            } else {
+                (whole_m, 0.0)
             };
             self.navigator.jump_clock(jump_m, sigma_m);
             if let Some(bias) = at.clock.get_mut(CLOCK_BIAS) {
