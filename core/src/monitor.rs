@@ -164,11 +164,12 @@ impl Monitor {
                 None
             }
             Event::InitialState(state) => {
-                let is_early = self.first_epoch.is_none();
-                if is_early {
+                // A filter that runs is not moved by what a stream says.
+                let is_accepted = self.first_epoch.is_none() || !self.tight.is_running();
+                if is_accepted {
                     self.tight.start(&state);
                 }
-                self.note_refusal(is_early);
+                self.note_refusal(is_accepted);
                 None
             }
             Event::Imu(sample) => {

@@ -686,11 +686,7 @@ impl TightMonitor {
             Ok(q_e_b) => q_e_b,
             // Standing or nearly so: the attitude is about what it was.
             Err(NotAligned::TooSlow { .. }) => {
-                let recent = self.last_attitude.filter(|(_, when)| {
-                    let age_ns = time.ns().saturating_sub(when.ns());
-                    (0..=MAX_ATTITUDE_AGE_NS).contains(&age_ns)
-                });
-                let Some((q_e_b, _)) = recent else {
+                let Some(q_e_b) = self.recent_attitude(time) else {
                     return;
                 };
                 config.sigma.attitude_ned_rad = RESTART_SIGMA_NED_RAD;
@@ -735,6 +731,13 @@ impl TightMonitor {
                 clock_drift_mps: drift_mps,
             },
         );
+    }
+
+    /// The attitude of when tight mode ended, if that was not long before `time`.
+    fn recent_attitude(&self, time: GpsTime) -> Option<[f64; 4]> {
+        let (q_e_b, when) = self.last_attitude?;
+        let age_ns = time.ns().saturating_sub(when.ns());
+        (0..=MAX_ATTITUDE_AGE_NS).contains(&age_ns).then_some(q_e_b)
     }
 
     /// Brings the clocks of the nominal up to the epoch before any row is made: follows a jump of the
