@@ -15,10 +15,11 @@ use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
 pub struct BankTest {
     /// The satellite that the sub-filter leaves out.
     pub satellite: Satellite,
-    /// Statistic, horizontal and vertical, m.
-    pub statistic_m: [f64; 2],
-    /// Threshold, horizontal and vertical, m; 0 where there is nothing to test.
-    pub threshold_m: [f64; 2],
+    /// Statistic, horizontal and vertical, m; `None` where it is not finite, which fails the test.
+    pub statistic_m: [Option<f64>; 2],
+    /// Threshold, horizontal and vertical, m; 0 where there is nothing to test, `None` where it is not
+    /// finite.
+    pub threshold_m: [Option<f64>; 2],
 }
 
 /// The tests of an epoch, before any exclusion.
@@ -44,7 +45,7 @@ pub struct BankReport {
 pub const BANK_FRAME_LENGTH: usize =
     native::HEADER_LEN + HEAD_LENGTH + MAX_BANK * TEST_LENGTH + native::TRAILER_LEN;
 const HEAD_LENGTH: usize = 8 + 1 + 1 + 4 * 8 + 3 * 8 + 1 + 1;
-const TEST_LENGTH: usize = 2 + 4 * 8;
+const TEST_LENGTH: usize = 2 + 1 + 4 * 8;
 
 const _: () = assert!(HEAD_LENGTH + MAX_BANK * TEST_LENGTH <= native::MAX_PAYLOAD);
 
@@ -81,8 +82,8 @@ impl BankReport {
             // As many as the bank has places.
             let _ = self.tests.push(BankTest {
                 satellite,
-                statistic_m: separation.statistic_m,
-                threshold_m: separation.threshold_m,
+                statistic_m: separation.statistic_m.map(finite),
+                threshold_m: separation.threshold_m.map(finite),
             });
         }
     }
@@ -115,9 +116,7 @@ impl BankReport {
         for test in &self.tests {
             writer.put_u8(test.satellite.system() as u8)?;
             writer.put_u8(test.satellite.prn())?;
-            for value in test.statistic_m.iter().chain(&test.threshold_m) {
-                writer.put_f64(*value)?;
-            }
+            put_four(writer, test.statistic_m, test.threshold_m)?;
         }
         Ok(())
     }
@@ -132,13 +131,7 @@ impl BankReport {
         let mut report = Self::EMPTY;
         report.time = GpsTime::from_ns(reader.i64()?);
         report.detected = reader.u8()? != 0;
-        let present = reader.u8()?;
-        let mut bit = 1;
-        for level in report.level_m.iter_mut().chain(&mut report.alerted_level_m) {
-            let value = reader.f64()?;
-            *level = (present & bit != 0).then_some(value);
-            bit <<= 1;
-        }
+        (report.level_m, report.alerted_level_m) = four(&mut reader)?;
         report.excluded = SatelliteSet::from_masks([reader.u64()?, reader.u64()?, reader.u64()?]);
         report.n_unmonitored = reader.u8()?;
         let tests = reader.u8()?;
@@ -147,10 +140,11 @@ impl BankReport {
             let satellite = System::from_index(usize::from(system))
                 .and_then(|system| Satellite::new(system, prn))
                 .ok_or(ReportError::UnknownCode { code: prn })?;
+            let (statistic_m, threshold_m) = four(&mut reader)?;
             let test = BankTest {
                 satellite,
-                statistic_m: two(&mut reader)?,
-                threshold_m: two(&mut reader)?,
+                statistic_m,
+                threshold_m,
             };
             if report.tests.push(test).is_err() {
                 return Err(ReportError::UnknownCode { code: tests });
@@ -160,8 +154,36 @@ impl BankReport {
     }
 }
 
-fn two(reader: &mut Reader<'_>) -> Result<[f64; 2], ReadError> {
-    Ok([reader.f64()?, reader.f64()?])
+/// Two pairs of numbers, horizontal and vertical.
+type Four = ([Option<f64>; 2], [Option<f64>; 2]);
+
+/// A byte that tells which are there, then all four.
+fn put_four(
+    writer: &mut Writer<'_>,
+    first: [Option<f64>; 2],
+    second: [Option<f64>; 2],
+) -> Result<(), Full> {
+    let values = first.iter().chain(&second);
+    let present = values.clone().zip(0..).fold(0_u8, |bits, (value, bit)| {
+        bits | (value.is_some() as u8) << bit
+    });
+    writer.put_u8(present)?;
+    for value in values {
+        writer.put_f64(value.unwrap_or(0.0))?;
+    }
+    Ok(())
+}
+
+fn four(reader: &mut Reader<'_>) -> Result<Four, ReadError> {
+    let present = reader.u8()?;
+    let mut bit = 1;
+    let mut next = || -> Result<Option<f64>, ReadError> {
+        let value = reader.f64()?;
+        let is_there = present & bit != 0;
+        bit <<= 1;
+        Ok(is_there.then_some(value))
+    };
+    Ok(([next()?, next()?], [next()?, next()?]))
 }
 
 #[cfg(test)]
@@ -185,8 +207,8 @@ mod tests {
         for prn in 1..=MAX_BANK as u8 {
             let test = BankTest {
                 satellite: Satellite::new(System::Bds, prn).unwrap(),
-                statistic_m: [f64::from(prn), 0.1],
-                threshold_m: [0.0, -0.5],
+                statistic_m: [Some(f64::from(prn)), None],
+                threshold_m: [Some(0.0), Some(-0.5)],
             };
             report.tests.push(test).unwrap();
             let mut bytes = [0; BANK_FRAME_LENGTH];
@@ -194,7 +216,7 @@ mod tests {
             let (frame, used) = Frame::parse(&bytes).unwrap();
             assert_eq!((used, frame.kind()), (length, Some(Kind::Bank)));
             assert_eq!(BankReport::decode(frame.payload()), Ok(report.clone()));
-            assert!(BankReport::decode(&frame.payload()[1..]).is_err());
+            assert!(BankReport::decode(&frame.payload()[..frame.payload().len() - 1]).is_err());
         }
     }
 }

@@ -50,7 +50,7 @@ struct ReplayArguments {
     /// RINEX 3 or 4 navigation file; may be given several times
     #[arg(long, value_name = "FILE")]
     nav: Vec<PathBuf>,
-    /// Recording of an inertial unit: CSV as described in section [imu] of the file of --config, or
+    /// Recording of an inertial unit: CSV as described in section `[imu]` of the file of --config, or
     /// surefix's own frames
     #[arg(long, value_name = "FILE")]
     imu: Option<PathBuf>,

@@ -3,7 +3,7 @@
 //! The velocities a u-blox receiver gives are means over the time since its last epoch: regressed
 //! against the positions they lag by 0.128 s (drive) and 0.134 s (walk) at four epochs a second, half
 //! an epoch. So a row says where the antenna was, z with one sigma s, and how far it had moved since
-//! the row before, T v with one sigma [`STEP_SIGMA_M`]. Per axis of ECEF the places p minimise
+//! the row before, T v with one sigma `STEP_SIGMA_M`. Per axis of ECEF the places p minimise
 //!
 //! ```text
 //! Σ ((p_k − z_k)/s_k)² + Σ ((p_k − p_{k−1} − T v_k)/σ)²

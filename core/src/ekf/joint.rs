@@ -4,7 +4,7 @@
 //! | symbol | code        | shape | meaning                                                     |
 //! |--------|-------------|-------|-------------------------------------------------------------|
 //! | u_q    | design      | M     | scalar measurement q is of u_qᵀ x; entries 0..=q, the last 1 |
-//! | e_q    | information | 1     | its 1/σ², 0 where rank is missing, below 0 see MAX_GROWTH   |
+//! | e_q    | information | 1     | its 1/σ², 0 where rank is missing; may be negative      |
 //! | G      | covariance  | M × M | of the joint block                                          |
 //! | z_q    | combination | M     | v_q = P z_q for every row of P, entries 0..=q               |
 //! | v_q    | direction   | M     | covariance of all states with measurement q when it is taken |
@@ -32,8 +32,9 @@ const RANK_TOLERANCE: f64 = 1.0e-13;
 
 /// A pivot that is small, but not by rounding alone, is uncertain by a part of itself, and what the states
 /// before it have of that measurement with it. It comes back in a later pivot, with either sign: taken as
-/// it is, the sum of all is Λ again. None may let a variance grow to more than this multiple.
-const MAX_GROWTH: f64 = 2.0;
+/// it is, the sum of all is Λ again. One that would more than double a variance, with 1 + e_q u_qᵀ v_q below
+/// this, is not taken.
+const MIN_SHRINKAGE: f64 = 0.5;
 
 /// Most entries of a joint block: position, velocity and four clock states.
 pub(super) const MAX_JOINT: usize = 10;
@@ -230,8 +231,9 @@ fn take_one<const Q: usize, const K: usize, const M: usize>(joint: &mut JointWor
         &mut joint.directions,
     );
     let scalar = &mut joint.scalar[Q];
-    let mut scale = 1.0 / (1.0 + scalar.information * variance);
-    if !(scale > 0.0 && scale < MAX_GROWTH) {
+    let shrinks_by = 1.0 + scalar.information * variance;
+    let mut scale = 1.0 / shrinks_by;
+    if !(shrinks_by > MIN_SHRINKAGE) {
         scale = 0.0;
     }
     let innovation = scalar.weighted - scalar.information * predicted;

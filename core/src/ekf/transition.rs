@@ -11,7 +11,7 @@ use crate::linalg::block3::{Block, IDENTITY, Symmetric, ZERO};
 pub struct NavigationCovariance {
     /// Blocks on the diagonal.
     pub diagonal: [Symmetric; BLOCKS],
-    /// Blocks above it, in the order of [`super::layout::pair`].
+    /// Blocks above it, by rows: 01 02 03 04 12 13 14 23 24 34.
     pub off_diagonal: [Block; PAIRS],
 }
 

@@ -576,3 +576,6 @@ fn raise(level_m: &mut [f64; 2], axis: usize, of: &[f64; 2], and: &[f64; 2]) {
         *level = f64::INFINITY;
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -30,17 +30,23 @@ const MIN_VARIANCE_M2: f64 = 1.0e-10;
 pub struct Spread {
     /// Distance, m.
     pub distance_m: [f64; 2],
-    /// One sigma, m; 0 where the filters know the same.
+    /// One sigma, m; 0 where the filters know the same, infinite where they know nothing.
     pub sigma_m: [f64; 2],
 }
 
-/// Horizontal and vertical one sigma of a position, m; horizontally in the worst direction.
+/// Horizontal and vertical one sigma of a position, m; horizontally in the worst direction. Infinite where
+/// the variance is none.
 pub fn sigmas_m<const K: usize, const M: usize>(
     filter: &Filter<K, M>,
     c_enu_e: &Matrix3<f64>,
 ) -> [f64; 2] {
-    let [horizontal, vertical] = variances(&position_covariance(filter), c_enu_e);
-    [root(horizontal, 0.0), root(vertical, 0.0)]
+    variances(&position_covariance(filter), c_enu_e).map(|variance| {
+        if variance >= 0.0 {
+            libm::sqrt(variance)
+        } else {
+            f64::INFINITY
+        }
+    })
 }
 
 fn position_covariance<const K: usize, const M: usize>(filter: &Filter<K, M>) -> Matrix3<f64> {
@@ -56,10 +62,12 @@ fn variances(p_e: &Matrix3<f64>, c_enu_e: &Matrix3<f64>) -> [f64; 2] {
     [largest, p.m33]
 }
 
-/// Root of a variance, 0 where it is not more than `floor`.
-fn root(variance: f64, floor: f64) -> f64 {
-    if variance > floor {
+/// One sigma of a separation, 0 where there is nothing to test, infinite where its variance is no number.
+fn sigma_of_separation(variance: f64) -> f64 {
+    if variance > MIN_VARIANCE_M2 {
         libm::sqrt(variance)
+    } else if variance.is_nan() {
+        f64::INFINITY
     } else {
         0.0
     }
@@ -76,16 +84,10 @@ pub fn spread<const K: usize, const M: usize>(
         Vector3::from(position)
     });
     let way = c_enu_e * (from - to);
-    let [horizontal, vertical] = variances(
-        &(position_covariance(less) - position_covariance(more)),
-        c_enu_e,
-    );
+    let difference = position_covariance(less) - position_covariance(more);
     Spread {
         distance_m: [libm::sqrt(way.x * way.x + way.y * way.y), libm::fabs(way.z)],
-        sigma_m: [
-            root(horizontal, MIN_VARIANCE_M2),
-            root(vertical, MIN_VARIANCE_M2),
-        ],
+        sigma_m: variances(&difference, c_enu_e).map(sigma_of_separation),
     }
 }
 
@@ -109,11 +111,13 @@ impl Separation {
     };
 
     /// Whether the test of an axis fails: 0 horizontal, 1 vertical. Where there is nothing to test it
-    /// does not; a statistic that is no number fails.
+    /// does not; what is not finite fails.
     pub fn fails(&self, axis: usize) -> bool {
         let both = self.statistic_m.get(axis).zip(self.threshold_m.get(axis));
         both.is_some_and(|(statistic, threshold)| {
-            *threshold > 0.0 && !(*statistic <= *threshold) || statistic.is_nan()
+            *threshold > 0.0 && !(*statistic <= *threshold)
+                || !statistic.is_finite()
+                || !threshold.is_finite()
         })
     }
 }
@@ -168,5 +172,98 @@ impl SeparationQuantiles {
     /// Q⁻¹(P_H0 / 2).
     pub const fn fault_free(&self) -> f64 {
         self.fault_free
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type TestFilter = Filter<2, 8>;
+
+    fn filter(position: [f64; 3], block: [f64; 6]) -> TestFilter {
+        let mut filter = TestFilter::EMPTY;
+        let mut blocks = [[0.0; 6]; 5];
+        blocks[POSITION] = block;
+        filter.start(&blocks, &[0.0; 2]);
+        let mut moved = *filter.state();
+        moved.navigation[POSITION] = position.map(|x| -x);
+        filter.rereference(&moved);
+        filter
+    }
+
+    #[test]
+    fn sigma_is_that_of_the_worst_horizontal_direction() {
+        // [2 1; 1 2] has the eigenvalues 1 and 3.
+        let less = filter([3.0, 4.0, -2.0], [4.0, 1.0, 0.0, 4.0, 0.0, 9.0]);
+        let more = filter([0.0; 3], [2.0, 0.0, 0.0, 2.0, 0.0, 5.0]);
+        let spread = spread(&more, &less, &Matrix3::identity());
+        assert_eq!(spread.distance_m, [5.0, 2.0]);
+        assert!((spread.sigma_m[0] - 3.0_f64.sqrt()).abs() < 1e-15);
+        assert_eq!(spread.sigma_m[1], 2.0);
+        let own = sigmas_m(&less, &Matrix3::identity());
+        assert_eq!(own, [5.0_f64.sqrt(), 3.0]);
+    }
+
+    #[test]
+    fn positions_are_turned_to_the_local_horizontal() {
+        // East, north and up are y, z and x: at latitude and longitude 0.
+        let c_enu_e = Matrix3::new(0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0);
+        let less = filter([7.0, 3.0, 4.0], [9.0, 0.0, 0.0, 4.0, 0.0, 1.0]);
+        let spread = spread(&filter([0.0; 3], [0.0; 6]), &less, &c_enu_e);
+        assert_eq!(spread.distance_m, [5.0, 7.0]);
+        assert_eq!(spread.sigma_m, [2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_test_fails_above_its_threshold_and_on_what_is_no_number() {
+        let test = |statistic: f64, threshold: f64| {
+            let separation = Separation {
+                statistic_m: [0.0, statistic],
+                threshold_m: [1.0, threshold],
+                uncertainty_m: [0.0; 2],
+            };
+            assert!(!separation.fails(0) && !separation.fails(2));
+            separation.fails(1)
+        };
+        assert!(!test(1.0, 1.0));
+        assert!(test(1.1, 1.0));
+        assert!(!test(1.1, 0.0));
+        for bad in [f64::NAN, f64::INFINITY] {
+            assert!(test(bad, 1.0) && test(bad, 0.0) && test(0.0, bad));
+        }
+    }
+
+    #[test]
+    fn a_covariance_that_is_none_has_no_finite_sigma() {
+        let none = filter([1.0, 0.0, 0.0], [f64::NAN; 6]);
+        let negative = filter([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, -1.0, 0.0, -1.0]);
+        let known = filter([0.0; 3], [1.0, 0.0, 0.0, 1.0, 0.0, 1.0]);
+        let identity = Matrix3::identity();
+        assert_eq!(spread(&known, &none, &identity).sigma_m, [f64::INFINITY; 2]);
+        assert_eq!(sigmas_m(&none, &identity), [f64::INFINITY; 2]);
+        assert_eq!(sigmas_m(&negative, &identity), [f64::INFINITY; 2]);
+        assert_eq!(spread(&known, &negative, &identity).sigma_m, [0.0; 2]);
+    }
+
+    #[test]
+    fn quantiles_are_those_of_the_allocated_risks() {
+        let mut quantiles = SeparationQuantiles::EMPTY;
+        assert_eq!(quantiles.detection(1), f64::INFINITY);
+        quantiles.fill(3.33e-7, 1e-3, 1e-7).unwrap();
+        // [P0]'s numbers with Q⁻¹ in place of erf⁻¹.
+        assert!((quantiles.detection(8) - 5.48).abs() < 5e-3);
+        assert!((quantiles.missed() - 3.090).abs() < 5e-4);
+        assert!((quantiles.fault_free() - 5.327).abs() < 5e-4);
+        for n in 1..MAX_BANK {
+            assert!(quantiles.detection(n) < quantiles.detection(n + 1));
+        }
+        assert_eq!(quantiles.detection(0), f64::INFINITY);
+        assert_eq!(quantiles.detection(MAX_BANK + 1), f64::INFINITY);
+        let before = quantiles.detection(8);
+        for (p_fa, p_md, p_h0) in [(0.0, 0.1, 0.1), (0.1, 1.0, 0.1), (0.1, 0.1, f64::NAN)] {
+            assert!(quantiles.fill(p_fa, p_md, p_h0).is_err());
+        }
+        assert_eq!(quantiles.detection(8), before);
     }
 }

@@ -219,7 +219,7 @@ fn tests(bank: Option<&BankReport>, satellites: &[String]) -> Vec<[f64; 2]> {
             .iter()
             .find(|test| test.satellite.to_string() == *name)?;
         let ([statistic_m, _], [threshold_m, _]) = (test.statistic_m, test.threshold_m);
-        Some([statistic_m, threshold_m])
+        Some([statistic_m, threshold_m].map(|value| value.unwrap_or(f64::NAN)))
     };
     satellites
         .iter()
@@ -246,14 +246,18 @@ fn result_row(
         ),
         None => (three, three, [f64::NAN; 4], [f64::NAN; 2], f64::NAN),
     };
+    let level_of_bank = |axis: usize| match bank {
+        Some(bank) => bank.level_m[axis].unwrap_or(f64::INFINITY),
+        None => f64::NAN,
+    };
     ResultRow {
         t_s: epoch.t_s,
         r_eb_e_m: r,
         v_eb_e_mps: v,
         q_e_b: q,
         clock,
-        hpl_m: bank.map_or(0.0, |bank| bank.level_m[0].unwrap_or(f64::INFINITY)),
-        vpl_m: bank.map_or(0.0, |bank| bank.level_m[1].unwrap_or(f64::INFINITY)),
+        hpl_m: level_of_bank(0),
+        vpl_m: level_of_bank(1),
         hpl0_m: level,
         detected: bank.is_some_and(|bank| bank.detected),
         excluded: excluded.to_vec(),
