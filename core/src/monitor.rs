@@ -19,7 +19,7 @@ use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
 use crate::ingest::{Event, Ingest};
-use crate::ins::InertialConfig;
+use crate::ins::{InertialConfig, IntakeCounters};
 use crate::integrity::{
     InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
 };
@@ -345,9 +345,31 @@ impl Monitor {
         report
     }
 
-    /// What arrived, what was lost, and why.
-    pub const fn counters(&self) -> &Counters {
-        self.ingest.counters()
+    /// What arrived, what was lost, and why; of the inertial samples since their unit was configured.
+    pub fn counters(&self) -> Counters {
+        let IntakeCounters {
+            used,
+            repeated,
+            late,
+            missing,
+            stretched,
+            not_finite,
+            saturated,
+            bad_interval,
+            begun,
+        } = self.tight.intake().counters();
+        Counters {
+            imu_used: used,
+            imu_repeated: repeated,
+            imu_late: late,
+            imu_missing: missing,
+            imu_stretched: stretched,
+            imu_not_finite: not_finite,
+            imu_saturated: saturated,
+            imu_bad_interval: bad_interval,
+            imu_begun: begun,
+            ..*self.ingest.counters()
+        }
     }
 
     /// What the stages of the epochs cost.
