@@ -13,11 +13,15 @@
 //! | [`gnss`] | satellites: observation epochs, broadcast orbits and clocks, atmosphere, sigmas, the snapshot solution |
 //! | [`ins`] | inertial samples to position, velocity and attitude |
 //! | [`ekf`] | the error-state filter: shared transition, compressed update, the tightly coupled navigator |
+//! | [`mhss`] | the bank of filters without one and two satellites: detection, isolation, exclusion, levels |
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels |
 //! | [`integrity`] | phases of flight, reasons, the verdict |
-//! | [`ingest`], `report` | checked messages to domain types; verdict to output messages |
-//! | `budget` | the stages of an epoch and what each may cost |
-//! | `monitor` | the façade that owns all state |
+//! | [`config`] | what a user chooses before the first byte |
+//! | [`ingest`], [`report`], [`bank_report`] | checked messages to domain types; verdict and tests of the bank to output messages |
+//! | [`budget`] | the stages of an epoch and what each may cost |
+//! | [`snapshot`] | an epoch alone: solution, tests, exclusion, levels |
+//! | [`tight`] | inertial samples and epochs to a solution of the filter, and when not |
+//! | [`monitor`] | the façade that owns all state |
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(

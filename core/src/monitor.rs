@@ -164,7 +164,12 @@ impl Monitor {
                 None
             }
             Event::InitialState(state) => {
-                self.tight.start(&state);
+                // A filter that runs is not moved by what a stream says.
+                let is_accepted = self.first_epoch.is_none() || !self.tight.is_running();
+                if is_accepted {
+                    self.tight.start(&state);
+                }
+                self.note_refusal(is_accepted);
                 None
             }
             Event::Imu(sample) => {
@@ -185,6 +190,7 @@ impl Monitor {
                 let shift_ns = i64::from(shift_weeks).wrapping_mul(NS_PER_WEEK);
                 self.first_epoch = self.first_epoch.map(|time| time.plus_ns(shift_ns));
                 self.rhythm.shift(shift_ns);
+                self.tight.shift(shift_ns);
                 None
             }
             Event::EpochReady => {
@@ -215,6 +221,17 @@ impl Monitor {
             self.tight.remember(due);
         }
         let time = self.rhythm.sample(now)?;
+        self.pending = Pending::Silence { time };
+        Some(Ready::Epoch)
+    }
+
+    /// Asks whether an epoch is overdue at `now`, by a clock of whoever runs the monitor: with receiver and
+    /// inertial unit both silent no byte comes that could say so. [`Ready::Epoch`] when one is, half an
+    /// interval after it was due: [`Monitor::process`] then reports the silence. Core has no clock of
+    /// its own; without this call nothing is said until bytes come again.
+    pub fn tick(&mut self, now: GpsTime) -> Option<Ready> {
+        let time = self.rhythm.missed(now)?;
+        self.tight.hear_nothing(now);
         self.pending = Pending::Silence { time };
         Some(Ready::Epoch)
     }

@@ -85,10 +85,17 @@ impl Rhythm {
         if !follows {
             self.begun = now;
         }
-        let (due, interval_ns) = (self.due()?, interval_ns?);
-        let waiting_ns = since(now, due).saturating_sub(half_ns);
-        let is_believed = self.in_step && since(now, self.begun) >= interval_ns + half_ns;
-        if !is_believed || waiting_ns < 0 {
+        let is_believed =
+            self.in_step && since(now, self.begun) >= interval_ns?.saturating_add(half_ns);
+        if is_believed { self.missed(now) } else { None }
+    }
+
+    /// The time at which an epoch was due and had not come half an interval later, by a clock that is
+    /// believed; each time once, and of several the latest alone.
+    pub(crate) fn missed(&mut self, now: GpsTime) -> Option<GpsTime> {
+        let (due, interval_ns) = (self.due()?, self.interval_ns()?);
+        let waiting_ns = since(now, due).saturating_sub(interval_ns / 2);
+        if waiting_ns < 0 {
             return None;
         }
         let passed_ns = waiting_ns.checked_rem(interval_ns)?;
@@ -101,6 +108,8 @@ impl Rhythm {
     pub(crate) fn shift(&mut self, by_ns: i64) {
         self.last = self.last.map(|time| time.plus_ns(by_ns));
         self.told = self.told.map(|time| time.plus_ns(by_ns));
+        self.heard = self.heard.map(|time| time.plus_ns(by_ns));
+        self.begun = self.begun.plus_ns(by_ns);
     }
 }
 

@@ -265,6 +265,7 @@ impl Both {
 }
 
 /// A thousand epochs, with none to as many satellites as the bank holds.
+/// INT-024.
 #[test]
 fn the_bank_is_that_of_dense_filters() {
     let mut largest = Largest::default();
@@ -293,6 +294,7 @@ fn the_bank_is_that_of_dense_filters() {
 
 /// Satellites of which some coordinates of the lines of sight fall almost on one line leave a small pivot
 /// in the compressed epoch, and after it a pivot that is nothing but its rounding.
+/// INT-024.
 #[test]
 fn a_small_pivot_leaves_the_update_right() {
     let mut flight = Flight::new(3, 8);

@@ -304,6 +304,7 @@ const RUNS: [Run; 3] = [
     differences::<4, 10>,
 ];
 
+/// INT-023.
 #[test]
 fn every_number_of_satellites_gives_the_textbook_update() {
     let (mut redundant, mut deficient) = (Largest::default(), Largest::default());
@@ -346,6 +347,7 @@ fn nis_of_few_satellites_is_good_to_a_percent() {
     }
 }
 
+/// INT-023.
 #[test]
 fn rows_are_those_of_the_reference_model() {
     let mut random = Random(5);
@@ -393,6 +395,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever comes: the covariance stays symmetric, no variance grows, none is negative.
+    /// INT-023.
     #[test]
     fn an_update_makes_nothing_more_uncertain(
         seed in any::<u64>(),

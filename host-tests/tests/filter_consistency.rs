@@ -18,6 +18,7 @@ const TESTS: f64 = 3.0 * (3.0 * 6.0 + 1.0);
 /// The averages of all states when settled and of all innovations lie in their 99 % intervals, and all
 /// 57 averages in intervals that hold all of them with 99 %. With more trials:
 /// `surefix campaign filter-consistency`.
+/// INT-020.
 #[test]
 fn errors_and_innovations_are_as_large_as_the_filter_believes() {
     let studies = studies(1, TRIALS).unwrap();
@@ -62,6 +63,7 @@ fn sky_of_day(t_s: u32) -> Sky {
     Sky { most, ..Sky::OPEN }
 }
 
+/// INT-021.
 #[test]
 fn the_covariance_is_one_for_24_hours() {
     for (grade, motion) in [
@@ -143,6 +145,7 @@ fn drift(setup: Setup, trials: u64) -> [[f64; 2]; 3] {
 }
 
 /// 200 trials of two axes: the standard error of the measured sigma is 3.5 %.
+/// INT-022.
 #[test]
 fn free_inertial_drift_is_that_of_theory() {
     for grade in Grade::ALL {
@@ -160,6 +163,7 @@ fn free_inertial_drift_is_that_of_theory() {
 }
 
 /// The biases hide the noise in a drift; the covariance of a unit without them does not.
+/// INT-022.
 #[test]
 fn the_covariance_grows_by_noise_alone_as_theory_says() {
     for mut grade in Grade::ALL {

@@ -91,6 +91,7 @@ fn samples_on_time_pass_unchanged_in_body_axes() {
     );
 }
 
+/// INT-027.
 #[test]
 fn the_same_sample_read_twice_is_used_once() {
     let mut intake = intake();
@@ -123,6 +124,7 @@ fn jitter_of_the_time_stamps_stretches_the_increments() {
     assert_eq!(intake.counters().stretched, 1);
 }
 
+/// INT-027.
 #[test]
 fn missing_samples_are_bridged_by_the_mean_of_both_sides() {
     for missing in 1..=5 {
@@ -146,6 +148,7 @@ fn missing_samples_are_bridged_by_the_mean_of_both_sides() {
     }
 }
 
+/// INT-027.
 #[test]
 fn longer_silence_is_a_fault_and_a_new_beginning() {
     let mut intake = intake();
@@ -166,6 +169,7 @@ fn longer_silence_is_a_fault_and_a_new_beginning() {
     assert_eq!(taken(&mut intake, &at(T * 12_011, 0.4)).interval_ns, T);
 }
 
+/// INT-027.
 #[test]
 fn few_unusable_samples_are_bridged_and_many_are_a_fault_at_once() {
     let nan = |k: i64| ImuSample {
@@ -208,6 +212,7 @@ fn few_unusable_samples_are_bridged_and_many_are_a_fault_at_once() {
     }
 }
 
+/// INT-027.
 #[test]
 fn a_fault_names_what_made_the_most_of_the_gap() {
     let nan = |k: i64| ImuSample {
@@ -230,6 +235,7 @@ fn a_fault_names_what_made_the_most_of_the_gap() {
     ));
 }
 
+/// INT-027.
 #[test]
 fn late_samples_are_dropped_until_time_itself_went_back() {
     let mut intake = intake();
@@ -318,6 +324,7 @@ fn samples() -> impl Strategy<Value = Vec<ImuSample>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
+    /// INT-027.
     #[test]
     fn lengths_add_up_to_what_elapsed_whatever_comes(samples in samples()) {
         let mut intake = intake();

@@ -27,6 +27,7 @@ fn apart<const N: usize>(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, N>) -> f64 
 }
 
 /// Nested filters of five states: gains optimal, a sub-filter started on its own, a robust main gain.
+/// INT-025.
 #[test]
 fn the_golden_separations_are_reproduced() {
     let Some(path) = common::shared("golden/kf_separation.json") else {
@@ -213,6 +214,7 @@ impl Bench {
 }
 
 /// Satellites appear at different times, so that sub-filters begin as copies, and some vanish and are held.
+/// INT-025.
 #[test]
 fn the_difference_of_covariances_is_the_covariance_of_the_difference() {
     let mut largest = [0.0_f64; 2];
@@ -236,6 +238,7 @@ fn the_difference_of_covariances_is_the_covariance_of_the_difference() {
 }
 
 /// With a gain that is not optimal the cross-covariance cannot be left out.
+/// INT-025.
 #[test]
 fn a_robust_gain_breaks_the_difference() {
     let mut bench = Bench::new(1, 7);

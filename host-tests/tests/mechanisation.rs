@@ -176,6 +176,7 @@ const FLIGHT: Motion = Motion {
     },
 };
 
+/// INT-026.
 #[test]
 fn flight_is_followed_to_millimetres_at_every_rate() {
     for (rate_hz, bounds) in [
@@ -191,6 +192,7 @@ fn flight_is_followed_to_millimetres_at_every_rate() {
     }
 }
 
+/// INT-026.
 #[test]
 fn body_at_rest_stays_where_it_is_for_an_hour() {
     let rest = Motion {
@@ -228,6 +230,7 @@ fn turned_naively(motion: &Motion, rate_hz: u32, seconds: u32) -> f64 {
     )
 }
 
+/// INT-026.
 #[test]
 fn coning_is_compensated() {
     // Roll and pitch a quarter apart: the x and y axes describe cones, 1 degree at 5 Hz.
@@ -268,6 +271,7 @@ const SCULLING: Motion = Motion {
     },
 };
 
+/// INT-026.
 #[test]
 fn sculling_is_compensated() {
     // The mechanisation with the previous sample forgotten: rotation of the sample only.
@@ -299,6 +303,7 @@ fn sculling_is_compensated() {
     assert!(velocity_mps < 1e-3);
 }
 
+/// INT-026.
 #[test]
 fn samples_of_unequal_lengths_are_as_good() {
     let mut mechanisation = FLIGHT.start();
@@ -324,6 +329,7 @@ fn straight_lines(t_s: f64, dt_s: f64) -> Increment {
     }
 }
 
+/// INT-026.
 #[test]
 fn one_long_sample_is_as_good_as_many_short_ones() {
     // What lies before is the same; then 20 ms in one sample, or in 256.
@@ -345,6 +351,7 @@ fn one_long_sample_is_as_good_as_many_short_ones() {
     assert!(errors[0] < 2e-7 && errors[1] < 4e-6 && errors[2] < 4e-9);
 }
 
+/// INT-026.
 #[test]
 fn a_level_error_swings_with_the_schuler_period() {
     let rest = Motion {
@@ -491,6 +498,7 @@ fn coast(folder: &Recorded, from_s: usize, seconds: usize) -> Vec<[f64; 3]> {
     errors
 }
 
+/// INT-026.
 #[test]
 fn perfect_reference_is_followed_to_micrometres() {
     let Some(folder) = Recorded::scenario("static_perfect") else {
@@ -505,6 +513,7 @@ fn perfect_reference_is_followed_to_micrometres() {
     );
 }
 
+/// INT-026.
 #[test]
 fn noisy_references_are_followed_within_the_noise_of_their_sensors() {
     // Free inertial for 10 s from the truth; one sigma per axis from the white noise: position

@@ -52,6 +52,7 @@ fn assert_the_same_decisions(name: &str, result: &ResultFile, expected: &ResultF
 }
 
 /// Ten to a hundred times what was measured, and far below what the monitor must keep.
+/// INT-019.
 #[test]
 fn the_reference_model_gives_the_reference_results() {
     let Some(folder) = common::shared("scenarios") else {
@@ -79,6 +80,7 @@ fn the_reference_model_gives_the_reference_results() {
 
 /// Position, clock and statistics to a centimetre (1 mm where everything is perfect), velocity to 2 mm/s,
 /// attitude to 1e-5 rad, thresholds to 0.2 %, levels to 0.1 %, decisions to an epoch.
+/// INT-019.
 #[test]
 fn the_monitor_gives_the_reference_results() {
     let Some(folder) = common::shared("scenarios") else {
@@ -111,6 +113,7 @@ fn the_monitor_gives_the_reference_results() {
 
 /// The emulated Cortex-M7 writes the same bytes; it sends the same reports where it keeps its deadlines, of
 /// which this machine knows none.
+/// INT-019.
 #[test]
 fn the_board_writes_the_same_result() {
     let Some(folder) = common::shared("scenarios/static_perfect") else {

@@ -13,10 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::filter::{ErrorState, Filter, PredictWorkspace, Unhealthy};
 use super::information::{EpochInformation, MeasurementRow};
-use super::layout::{
-    ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, GYRO_BIAS, POSITION,
-    VELOCITY,
-};
+use super::layout::{ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, GYRO_BIAS, VELOCITY};
 use super::process::{LeverState, ProcessAccumulator};
 use super::transition::Transition;
 use super::update::{UpdateSummary, UpdateWorkspace};
@@ -27,7 +24,7 @@ use crate::ins::gravity::gravity_gradient_e;
 use crate::ins::mechanisation::{Increment, Mechanisation, StartError};
 use crate::ins::{InertialConfig, InitialState};
 use crate::linalg::block3::{Block, Symmetric, ZERO, add_product, add_symmetric_product};
-use crate::time::{GpsTime, NS_PER_S};
+use crate::time::GpsTime;
 
 /// Where the antenna is, as the nominal has it at some instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +49,8 @@ pub struct Navigator<const K: usize, const M: usize> {
     process: ProcessAccumulator,
     filter: Filter<K, M>,
     clock: [f64; K],
+    /// When `clock` holds: the nominal's time at the last epoch.
+    clock_time: GpsTime,
     time: GpsTime,
     omega_ib_b: [f64; 3],
     /// Of the last sample, ECEF, m/s².
@@ -97,6 +96,7 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         process: ProcessAccumulator::EMPTY,
         filter: Filter::EMPTY,
         clock: [0.0; K],
+        clock_time: GpsTime::from_ns(0),
         time: GpsTime::from_ns(0),
         omega_ib_b: [0.0; 3],
         acceleration_e: Vector3::new(0.0, 0.0, 0.0),
@@ -117,6 +117,7 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         self.mechanisation.start(state)?;
         self.lever_arm_b_m = config.lever_arm_b_m;
         self.time = state.time;
+        self.clock_time = state.time;
         self.clock = [0.0; K];
         for (at, value) in [
             (CLOCK_BIAS, state.clock_bias_m),
@@ -201,6 +202,12 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         self.filter.widen_block(VELOCITY, &equal(velocity_mps));
     }
 
+    /// All times so far were wrong by this much, ns, as when the week becomes known.
+    pub fn shift(&mut self, by_ns: i64) {
+        self.time = self.time.plus_ns(by_ns);
+        self.clock_time = self.clock_time.plus_ns(by_ns);
+    }
+
     /// When the nominal stands.
     pub const fn time(&self) -> GpsTime {
         self.time
@@ -209,7 +216,7 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     /// The antenna at `time`, from the nominal by its velocity and acceleration; for times within a
     /// few samples of it.
     pub fn antenna(&self, time: GpsTime) -> AntennaState<K> {
-        let dt = time.ns().wrapping_sub(self.time.ns()) as f64 / NS_PER_S as f64;
+        let dt = time.seconds_since(self.time);
         let lever = self.lever();
         let v = self.mechanisation.v_eb_e + Vector3::from(lever.arm_rate_e_mps);
         let r = self.mechanisation.r_eb_e
@@ -218,7 +225,7 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         let mut clock = self.clock;
         let drift = clock.get(CLOCK_DRIFT).copied().unwrap_or(0.0);
         if let Some(bias) = clock.get_mut(CLOCK_BIAS) {
-            *bias += drift * dt;
+            *bias += drift * time.seconds_since(self.clock_time);
         }
         AntennaState {
             time,
@@ -241,6 +248,7 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
             *bias += clock.bias_per_drift_s * *drift;
             *drift *= clock.decay;
         }
+        self.clock_time = self.time;
         self.information.clear();
         self.antenna(time)
     }
@@ -341,12 +349,6 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     pub const fn mechanisation(&self) -> &Mechanisation {
         &self.mechanisation
     }
-
-    /// First clock column of an offset between systems, and one past the last.
-    pub const OFFSETS: core::ops::Range<usize> = FIRST_OFFSET..K;
 }
-
-/// Blocks of the filter that a report tells the sigmas of.
-pub const REPORTED: [usize; 3] = [POSITION, VELOCITY, ATTITUDE];
 
 const _: () = assert!(GYRO_BIAS == 3 && ACCEL_BIAS == 4);

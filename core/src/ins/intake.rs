@@ -228,6 +228,16 @@ impl Intake {
         self.last.map(|last| last.time)
     }
 
+    /// All times so far were wrong by this much, ns, as when the week becomes known.
+    pub fn shift(&mut self, by_ns: i64) {
+        if let Some(last) = &mut self.last {
+            last.time = last.time.plus_ns(by_ns);
+            if let Some((sample, _)) = &mut last.sample {
+                sample.time = sample.time.plus_ns(by_ns);
+            }
+        }
+    }
+
     /// Takes one sample: `Ok(None)` when it was dropped and counted.
     ///
     /// The first sample of all covers its own interval. After a fault the sample that showed it is the

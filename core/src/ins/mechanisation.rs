@@ -23,7 +23,7 @@
 //! Equations: coning [SAVAGE-1998-1], sculling and scrolling [SAVAGE-1998-2]; the ECEF form, Coriolis and
 //! the turning of the frame [GROVES-2013] chapter 5 → [`Mechanisation::step`]. Keys: docs/references.md.
 //! Departures: gravity and Coriolis acceleration are those of the middle of the sample.
-//! Cost: 702 executed instructions on a Cortex-M7 (1,013 beyond half a radian in one sample).
+//! Cost: 713 executed instructions on a Cortex-M7; more where one sample turns by over half a radian.
 //! Assumes: increments are finite and the samples follow each other without a gap (`intake.rs`).
 
 use super::InitialState;
