@@ -462,14 +462,19 @@ fn a_position_the_recording_states_is_the_truth_for_a_fixed_antenna_only() {
     assert_eq!(summary["truth"], station);
     assert!(summary["truth_unused"].is_null());
 
-    // A fault that moves every position is no motion of the antenna.
+    // A fault that moves every position is no motion of the antenna; four satellites raise no alert.
+    let four = ["--systems", "G", "--mask-deg", "35"];
+    assert_eq!(replay(&fixed, &out, &four).0, Some(0));
     let used = std::fs::read_to_string(out.join("epochs.csv")).unwrap();
     let used = used.lines().nth(1).unwrap().split(',').nth(24).unwrap();
-    let fault = format!("{}:step:5000:0:60", used.split('+').next().unwrap());
-    let more = ["--fault", &fault, "--max-exclusions", "0"];
+    let fault = format!("{}:step:5000:0:61", used.split('+').next().unwrap());
+    let more = [&four[..], &["--fault", &fault]].concat();
     assert_eq!(replay(&fixed, &out, &more).0, Some(0));
     let summary = whole(&out);
-    assert_eq!(summary["truth"], station);
+    assert_eq!(
+        (&summary["truth"], &summary["alerts"]),
+        (&station.into(), &0.into())
+    );
     assert!(summary["max_error_h_m"].as_f64().unwrap() > 100.0);
 
     let not_used = |recording: &Path, more: &[&str], why: &str| {
