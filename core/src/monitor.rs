@@ -19,7 +19,7 @@ use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
 use crate::ingest::{Event, Ingest};
-use crate::ins::InertialConfig;
+use crate::ins::{InertialConfig, IntakeCounters};
 use crate::integrity::{
     InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
 };
@@ -164,11 +164,12 @@ impl Monitor {
                 None
             }
             Event::InitialState(state) => {
-                let is_early = self.first_epoch.is_none();
-                if is_early {
+                // A filter that runs is not moved by what a stream says.
+                let is_accepted = self.first_epoch.is_none() || !self.tight.is_running();
+                if is_accepted {
                     self.tight.start(&state);
                 }
-                self.note_refusal(is_early);
+                self.note_refusal(is_accepted);
                 None
             }
             Event::Imu(sample) => {
@@ -344,9 +345,31 @@ impl Monitor {
         report
     }
 
-    /// What arrived, what was lost, and why.
-    pub const fn counters(&self) -> &Counters {
-        self.ingest.counters()
+    /// What arrived, what was lost, and why; of the inertial samples since their unit was configured.
+    pub fn counters(&self) -> Counters {
+        let IntakeCounters {
+            used,
+            repeated,
+            late,
+            missing,
+            stretched,
+            not_finite,
+            saturated,
+            bad_interval,
+            begun,
+        } = self.tight.intake().counters();
+        Counters {
+            imu_used: used,
+            imu_repeated: repeated,
+            imu_late: late,
+            imu_missing: missing,
+            imu_stretched: stretched,
+            imu_not_finite: not_finite,
+            imu_saturated: saturated,
+            imu_bad_interval: bad_interval,
+            imu_begun: begun,
+            ..*self.ingest.counters()
+        }
     }
 
     /// What the stages of the epochs cost.

@@ -10,36 +10,35 @@
 //! alignment, so that it comes back by itself. Choices: docs/decisions/005-tight-filter.md.
 
 use heapless::Vec;
-use nalgebra::{Matrix3, Vector3};
 
 use crate::config::Config;
 use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
-use crate::ekf::layout::{ATTITUDE, CLOCK_BIAS, FIRST_OFFSET, POSITION, VELOCITY};
+use crate::ekf::layout::FIRST_OFFSET;
 use crate::ekf::navigator::{AntennaState, Navigator};
-use crate::ekf::{MeasurementRow, UpdateSummary};
-use crate::frames::{geodesy, rotation};
+use crate::frames::geodesy;
 use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
-use crate::gnss::{CorrectedEpoch, CorrectedMeasurement, SatelliteSet, System};
-use crate::ins::alignment::{CoarseAlignment, NotAligned};
+use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
+use crate::ins::alignment::CoarseAlignment;
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
     AttitudeStart, ImuSample, InertialConfig, InertialConfigError, InitialState, ReferenceModel,
 };
 use crate::integrity::InertialStatus;
-use crate::linalg::block3::Symmetric;
-use crate::mhss::bank::{
-    Bank, BankEpoch, BankRow, BankVerdict, Criterion, Secondaries, SubFilters,
-};
+use crate::mhss::bank::{Bank, BankRow, BankVerdict, Secondaries, SubFilters};
 use crate::mhss::separation::SeparationQuantiles;
 use crate::report::Navigation;
 use crate::snapshot::Assessment;
 use crate::stats::{StatsError, normal};
 use crate::time::{GpsTime, NS_PER_S};
 
+mod clocks;
 mod jump;
+mod scenario;
+mod solution;
+mod start;
 
-use jump::{COMMON_M, common_jump, median};
+use clocks::offset_of;
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
 pub const CLOCKS: usize = 4;
@@ -374,109 +373,6 @@ impl TightMonitor {
         }
     }
 
-    /// An epoch of a scenario folder: with a memory for the secondary filters through the bank, without
-    /// one through the main filter alone.
-    #[inline(never)]
-    pub fn on_corrected(
-        &mut self,
-        epoch: &CorrectedEpoch,
-        secondaries: Option<&mut MonitorSecondaries>,
-    ) -> Option<TightSolution> {
-        self.meets(epoch.time)?;
-        let reference = self.reference?;
-        let at = self.navigator.predict(epoch.time);
-        self.bank_verdict = None;
-        let Some(secondaries) = secondaries else {
-            self.corrected.time = epoch.time;
-            self.corrected.rows.clone_from(&epoch.rows);
-            return self.finish(&at);
-        };
-        self.rows.clear();
-        for measurement in &epoch.rows {
-            let row = MeasurementRow::new(measurement, at.r_e_m, at.v_e_mps, &at.clock, None);
-            if let Some(row) = row {
-                // As many rows as satellites in an epoch, so it fits.
-                let _ = self.rows.push(BankRow {
-                    satellite: measurement.satellite,
-                    row,
-                });
-            }
-        }
-        let solution = self
-            .run_bank(&at, &reference, secondaries)
-            .and_then(|summary| {
-                let used = self.bank.satellites();
-                let absent = [false; System::ALL.len()];
-                let at = self.navigator.antenna(epoch.time);
-                let mut solution = self.solution(&at, &summary, used, absent)?;
-                // As the bank's levels: before an exclusion.
-                if let Some((_, verdict)) = &self.bank_verdict {
-                    solution.navigation.fault_free_m = verdict.fault_free_m;
-                }
-                Some(solution)
-            });
-        if solution.is_none() {
-            self.lose(InertialStatus::Unhealthy);
-        }
-        solution
-    }
-
-    /// All filters over the rows of an epoch, the tests, the exclusion, the feedback.
-    fn run_bank(
-        &mut self,
-        at: &AntennaState<CLOCKS>,
-        reference: &ReferenceModel,
-        secondaries: &mut MonitorSecondaries,
-    ) -> Option<UpdateSummary> {
-        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
-        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
-        let Self {
-            bank,
-            sub_filters: sub,
-            navigator,
-            ..
-        } = self;
-        bank.predict(navigator.transition(), sub, secondaries);
-        let (information, main) = navigator.information_and_filter();
-        bank.admit(
-            &BankEpoch {
-                time: at.time,
-                rows: &self.rows,
-                hold_ns: reference.hold_ns,
-            },
-            main,
-            sub,
-            secondaries,
-            information,
-        );
-        let summary = navigator.update_filter();
-        bank.update(sub, secondaries);
-        let (_, main) = navigator.information_and_filter();
-        let criterion = Criterion {
-            quantiles: &self.quantiles,
-            vertical: reference.detect_vertical,
-            c_enu_e: &c_enu_e,
-        };
-        let verdict = bank.test(&criterion, main, sub, secondaries);
-        if let Some(satellite) = verdict.isolated.filter(|_| reference.exclude) {
-            bank.exclude(satellite, main, sub, secondaries);
-        }
-        self.bank_verdict = Some((at.time, verdict));
-        let correction = navigator.finish().ok()?;
-        bank.rereference(&correction, sub, secondaries);
-        Some(summary)
-    }
-
-    /// The bank of filters: its satellites with their tests.
-    pub const fn bank(&self) -> &Bank<CLOCKS, JOINT> {
-        &self.bank
-    }
-
-    /// What the bank said of the last epoch.
-    pub const fn bank_verdict(&self) -> Option<&(GpsTime, BankVerdict)> {
-        self.bank_verdict.as_ref()
-    }
-
     /// Whether the nominal can be taken to an epoch.
     fn meets(&mut self, time: GpsTime) -> Option<()> {
         self.look(time)?;
@@ -657,176 +553,6 @@ impl TightMonitor {
         }
     }
 
-    /// Tries to start the filter at an epoch that it did not serve, from a snapshot solution that a fault
-    /// would have been seen in.
-    #[inline(never)]
-    pub(crate) fn align(&mut self, time: GpsTime, tested: Option<&TestedSolution<'_>>) {
-        let Some(config) = self.config else {
-            return;
-        };
-        if self.reference.is_some() || self.is_running() {
-            return;
-        }
-        if let Some(missing) = self.missing {
-            self.status = missing;
-            self.alignment.restart();
-            return;
-        }
-        let Some(last) = self.intake.last_time() else {
-            return;
-        };
-        self.status = InertialStatus::Aligning;
-        let Some(TestedSolution { solution, levels_m }) = tested else {
-            return;
-        };
-        let r_e = Vector3::from(solution.r_e_m);
-        let v_enu = solution.velocity_enu_mps.map(Vector3::from);
-        let mut config = config;
-        let q_e_b = match self.alignment.epoch(time, &r_e, v_enu.as_ref()) {
-            Ok(q_e_b) => q_e_b,
-            // Standing or nearly so: the attitude is about what it was.
-            Err(NotAligned::TooSlow { .. }) => {
-                let recent = self.last_attitude.filter(|(_, when)| {
-                    let age_ns = time.ns().saturating_sub(when.ns());
-                    (0..=MAX_ATTITUDE_AGE_NS).contains(&age_ns)
-                });
-                let Some((q_e_b, _)) = recent else {
-                    return;
-                };
-                config.sigma.attitude_ned_rad = RESTART_SIGMA_NED_RAD;
-                q_e_b
-            }
-            Err(_) => return,
-        };
-        let (Some(v_enu), Some(drift_mps)) = (v_enu, solution.clock_drift_mps) else {
-            return;
-        };
-        let c_enu_e = geodesy::c_enu_e(solution.llh.lat_rad, solution.llh.lon_rad);
-        let v_e = c_enu_e.transpose() * v_enu;
-        let lead_s = time.seconds_since(last);
-        let arm_e = rotation::to_matrix(&q_e_b) * Vector3::from(config.lever_arm_b_m);
-        let reference_clock = solution
-            .clock_m
-            .get(self.reference_system)
-            .copied()
-            .flatten();
-        let clock_m = solution.clock_m.iter().copied().flatten().next();
-        let Some(clock_bias_m) = reference_clock.or(clock_m) else {
-            return;
-        };
-        if reference_clock.is_none() {
-            config.sigma.clock_bias_m = NEW_OFFSET_SIGMA_M;
-        }
-        for level_m in levels_m {
-            if *level_m > LEVEL_SIGMAS * config.sigma.position_m {
-                config.sigma.position_m = level_m / LEVEL_SIGMAS;
-            }
-        }
-        self.start_with(
-            &config,
-            &InitialState {
-                time: last,
-                r_eb_e_m: (r_e - arm_e - v_e * lead_s).into(),
-                v_eb_e_mps: v_e.into(),
-                q_e_b,
-                gyro_bias_radps: [0.0; 3],
-                accel_bias_mps2: [0.0; 3],
-                clock_bias_m: clock_bias_m - drift_mps * lead_s,
-                clock_drift_mps: drift_mps,
-            },
-        );
-    }
-
-    /// Brings the clocks of the nominal up to the epoch before any row is made: follows a jump of the
-    /// receiver clock, and gives constellations that are new their offset. Then drops what is no
-    /// measurement.
-    fn prepare_clocks(
-        &mut self,
-        at: &mut AntennaState<CLOCKS>,
-        tested: Option<&TestedSolution<'_>>,
-    ) {
-        let known = self.offset_is_known;
-        let is_known = |column: Option<usize>| {
-            column.is_none_or(|column| known.get(column).copied().unwrap_or(false))
-        };
-        let seen = tested.and_then(|tested| self.seen_jump(at, tested.solution));
-        if let Some(jump_m) = seen.or_else(|| self.innovations(at, is_known).and_then(common_jump))
-        {
-            let whole_m = libm::round(jump_m / MILLISECOND_M) * MILLISECOND_M;
-            let rest_m = libm::fabs(jump_m - whole_m);
-            // Clocks that are steered by whole milliseconds do it exactly; what is left over beyond the
-            // measurements' noise is not known to be noise.
-            let (jump_m, sigma_m) = if whole_m == 0.0 || rest_m > COMMON_M {
-                (jump_m, COMMON_M)
-            } else if rest_m > SEEN_JUMP_M {
-                (whole_m, rest_m)
-            } else {
-                (whole_m, 0.0)
-            };
-            self.navigator.jump_clock(jump_m, sigma_m);
-            if let Some(bias) = at.clock.get_mut(CLOCK_BIAS) {
-                *bias += jump_m;
-            }
-        }
-        for column in FIRST_OFFSET..CLOCKS {
-            if known.get(column).copied().unwrap_or(true) {
-                continue;
-            }
-            let innovation_m = self
-                .innovations(at, |of| of == Some(column))
-                .and_then(median);
-            let (Some(innovation_m), Some(offset)) = (innovation_m, at.clock.get_mut(column))
-            else {
-                continue;
-            };
-            *offset -= innovation_m;
-            self.navigator
-                .reset_clock(column, *offset, NEW_OFFSET_SIGMA_M);
-            if let Some(known) = self.offset_is_known.get_mut(column) {
-                *known = true;
-            }
-        }
-        let systems = self.systems;
-        self.corrected.rows.retain(|measurement| {
-            let offset = offset_of(&systems, measurement.satellite.system());
-            innovation_m(measurement, at, offset)
-                .is_some_and(|innovation_m| libm::fabs(innovation_m) <= CODE_LOCK_M)
-        });
-    }
-
-    /// How far the clock jumped by the snapshot solution, which knows no earlier clock.
-    fn seen_jump(&self, at: &AntennaState<CLOCKS>, solution: &SnapshotSolution) -> Option<f64> {
-        let clock_m = (*solution.clock_m.get(self.reference_system)?)?;
-        let jump_m = clock_m - at.clock.get(CLOCK_BIAS)?;
-        let covariance = self.navigator.filter().clock_covariance();
-        let sigma_m = libm::sqrt(*covariance.get(CLOCK_BIAS)?.get(CLOCK_BIAS)?);
-        let size_m = libm::fabs(jump_m);
-        (size_m > SEEN_JUMP_M && size_m > SEEN_JUMP_SIGMAS * sigma_m).then_some(jump_m)
-    }
-
-    /// Innovations of the satellites whose clock column is `wanted`; `None` without any.
-    fn innovations(
-        &mut self,
-        at: &AntennaState<CLOCKS>,
-        wanted: impl Fn(Option<usize>) -> bool,
-    ) -> Option<&mut [f64]> {
-        let systems = self.systems;
-        let found = self.corrected.rows.iter().filter_map(|measurement| {
-            let offset = offset_of(&systems, measurement.satellite.system());
-            wanted(offset)
-                .then(|| innovation_m(measurement, at, offset))
-                .flatten()
-        });
-        let mut n = 0;
-        for (place, value) in self.innovations_m.iter_mut().zip(found) {
-            *place = value;
-            n += 1;
-        }
-        self.innovations_m
-            .get_mut(..n)
-            .filter(|found| !found.is_empty())
-    }
-
     /// Rows, update, feedback; then the solution.
     /// For an epoch that the nominal has long passed `at` is also what is told.
     fn finish(&mut self, at: &AntennaState<CLOCKS>) -> Option<TightSolution> {
@@ -863,62 +589,6 @@ impl TightMonitor {
         }
         solution
     }
-
-    fn solution(
-        &self,
-        at: &AntennaState<CLOCKS>,
-        summary: &UpdateSummary,
-        used: SatelliteSet,
-        present: [bool; System::ALL.len()],
-    ) -> Option<TightSolution> {
-        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
-        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
-        let c_e_b = rotation::to_matrix(&at.q_e_b);
-        let c_n_b = rotation::c_e_n(llh.lat_rad, llh.lon_rad).transpose() * c_e_b;
-        let filter = self.navigator.filter();
-        let enu = |block: usize| -> [[f64; 3]; 3] {
-            let p = symmetric(&filter.block(block));
-            (c_enu_e * p * c_enu_e.transpose()).into()
-        };
-        let sigmas = |p: [[f64; 3]; 3]| -> [f64; 3] {
-            let [[e, ..], [_, n, _], [.., u]] = p;
-            [libm::sqrt(e), libm::sqrt(n), libm::sqrt(u)]
-        };
-        let position = enu(POSITION);
-        let [[ee, en, _], [_, nn, _], [.., uu]] = position;
-        let half = 0.5 * (ee - nn);
-        let largest = 0.5 * (ee + nn) + libm::sqrt(half * half + en * en);
-        let [bias, drift, ..] = at.clock;
-        let mut clock_m = [None; System::ALL.len()];
-        for ((clock_m, present), column) in clock_m.iter_mut().zip(present).zip(self.systems) {
-            let offset_m = column
-                .filter(|_| self.reference.is_none())
-                .and_then(|column| at.clock.get(column));
-            *clock_m = present.then_some(bias + offset_m.copied().unwrap_or(0.0));
-        }
-        Some(TightSolution {
-            r_e_m: at.r_e_m,
-            llh,
-            velocity_enu_mps: (c_enu_e * Vector3::from(at.v_e_mps)).into(),
-            clock_m,
-            used,
-            navigation: Navigation {
-                v_e_mps: at.v_e_mps,
-                q_e_b: at.q_e_b,
-                roll_pitch_heading_deg: rotation::roll_pitch_heading(&c_n_b).map(f64::to_degrees),
-                clock: [bias, drift],
-                sigma_position_enu_m: sigmas(position),
-                sigma_velocity_enu_mps: sigmas(enu(VELOCITY)),
-                sigma_attitude_enu_deg: sigmas(enu(ATTITUDE)).map(f64::to_degrees),
-                fault_free_m: [
-                    self.k_fault_free * libm::sqrt(largest),
-                    self.k_fault_free * libm::sqrt(uu),
-                ],
-                nis: summary.nis,
-                nis_rows: u8::try_from(summary.rows).unwrap_or(u8::MAX),
-            },
-        })
-    }
 }
 
 /// Why no sample came that could be used since the counters were as `before`.
@@ -935,26 +605,6 @@ fn silence(before: Option<IntakeCounters>, now: IntakeCounters) -> InertialStatu
     } else {
         InertialStatus::ImuSilent
     }
-}
-
-fn symmetric(s: &Symmetric) -> Matrix3<f64> {
-    let [xx, xy, xz, yy, yz, zz] = *s;
-    Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
-}
-
-/// Clock column of a constellation's offset against the first, if it has one.
-fn offset_of(systems: &[Option<usize>; System::ALL.len()], system: System) -> Option<usize> {
-    systems.get(system.index()).copied().flatten()
-}
-
-/// Predicted minus measured pseudorange, m.
-fn innovation_m(
-    measurement: &CorrectedMeasurement,
-    at: &AntennaState<CLOCKS>,
-    offset: Option<usize>,
-) -> Option<f64> {
-    MeasurementRow::<JOINT>::new(measurement, at.r_e_m, at.v_e_mps, &at.clock, offset)
-        .map(|row| row.innovation_m)
 }
 
 #[cfg(test)]

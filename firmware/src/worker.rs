@@ -120,7 +120,7 @@ impl Worker {
 
     #[inline(never)]
     fn end(&mut self) {
-        let mut counters = *self.monitor.counters();
+        let mut counters = self.monitor.counters();
         counters.receiver_bytes_lost = self.received.lost();
         if let Ok(length) = counters.encode(&mut self.frame) {
             self.send(length);

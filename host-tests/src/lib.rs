@@ -1,5 +1,6 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod araim;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;

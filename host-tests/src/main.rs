@@ -13,7 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{campaign, hybrid, output, report, scenario, simulate};
+use surefix_host_tests::{araim, campaign, hybrid, output, report, scenario, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -31,6 +31,7 @@ enum Command {
     /// Run a recording through the monitor
     Replay(Box<ReplayArguments>),
     Scenario(scenario::run::Args),
+    Araim(araim::Args),
     /// Simulate a flight: the bytes a receiver would send, and the truth
     Simulate(simulate::Command),
     /// A recorded inertial unit and the receiver its antenna's track would have had, under real orbits
@@ -282,6 +283,10 @@ fn main() -> ExitCode {
     let outcome = match &arguments.command {
         Command::Replay(arguments) => replay(arguments),
         Command::Scenario(arguments) => run_scenario(arguments),
+        Command::Araim(arguments) => araim::run(arguments).map(|failed| match failed {
+            0 => ExitCode::SUCCESS,
+            _ => ExitCode::from(1),
+        }),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Hybrid(arguments) => hybrid::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),

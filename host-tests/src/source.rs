@@ -440,7 +440,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
 
 /// Counters of what was used or is of no concern to surefix; every other one that is not zero
 /// means that input was lost.
-const NO_LOSS: [&str; 14] = [
+const NO_LOSS: [&str; 16] = [
     "rtcm_frames",
     "native_frames",
     "nmea_lines",
@@ -450,6 +450,8 @@ const NO_LOSS: [&str; 14] = [
     "msm_skipped",
     "ephemerides",
     "imu_samples",
+    "imu_used",
+    "imu_stretched",
     "unknown_satellites",
     "unknown_signals",
     "invalid_pseudoranges",

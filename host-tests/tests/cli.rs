@@ -440,6 +440,54 @@ fn an_inertial_unit_is_told_of_in_the_configuration_and_replayed_beside_the_rece
 }
 
 #[test]
+fn what_became_of_the_inertial_samples_is_told() {
+    let (recording, truth, out) = simulated("cli-imu-losses");
+    let directory = out.parent().unwrap();
+    let row = std::fs::read_to_string(&truth).unwrap();
+    let week = row.lines().nth(1).unwrap().split(',').nth(1).unwrap();
+    let at_rest = unit_at_rest(&truth);
+    let mut lines: Vec<String> = at_rest.lines().map(str::to_owned).collect();
+    assert_eq!(lines.len(), 300);
+    // From the end, so that the places stay: twice the same, half a second of silence, two in the wrong
+    // order, one turning at 600 deg/s, one without a number, three missing.
+    lines.insert(280, lines[280].clone());
+    lines.drain(200..250);
+    lines.swap(150, 151);
+    lines[100] = lines[100].replace("0,0,1,0,0,0", "0,0,1,0,600,0");
+    lines[60] = lines[60].replace("0,0,1,", "0,0,nan,");
+    lines.drain(20..23);
+    let (imu, config) = (directory.join("imu.csv"), directory.join("unit.toml"));
+    std::fs::write(&imu, lines.join("\n")).unwrap();
+    std::fs::write(&config, UNIT.replace("WEEK", week)).unwrap();
+    let both = ["--imu", text(&imu), "--config", text(&config)];
+    let (code, stdout, message) = replay(&recording, &out, &both);
+    assert_eq!(code, Some(0), "{message}");
+
+    let summary = whole(&out);
+    let counters = [
+        ("imu_samples", 248, false),
+        // All but the one repeated, late, saturated, not finite, and the one after the silence.
+        ("imu_used", 243, false),
+        // A sample that comes too early covers the one in whose place it stands, and that after both less.
+        ("imu_stretched", 2, false),
+        ("imu_repeated", 1, true),
+        ("imu_late", 1, true),
+        ("imu_missing", 5, true),
+        ("imu_not_finite", 1, true),
+        ("imu_saturated", 1, true),
+        ("imu_bad_interval", 0, false),
+        ("imu_begun", 1, true),
+    ];
+    for (name, count, is_loss) in counters {
+        assert_eq!(summary["counters"][name], count, "{name}");
+        let line = format!("input: {name} {count}\n");
+        assert_eq!(stdout.contains(&line), is_loss, "{name}: {stdout}");
+        let cause = &summary["bad_frames"][name];
+        assert_eq!(cause == count, is_loss, "{name}: {cause}");
+    }
+}
+
+#[test]
 fn a_recording_without_an_epoch_finishes_with_exit_code_1_and_its_counters() {
     let (recording, _, out) = simulated("cli-no-epoch");
     assert_eq!(replay(&recording, &out, &[]).0, Some(0));

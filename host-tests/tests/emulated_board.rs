@@ -74,7 +74,7 @@ fn on_this_machine(stream: &[u8]) -> (Vec<Vec<u8>>, Counters) {
                 let report = monitor.process(&mut NoCounter);
                 reports.push(native(|out| report::encode(&report, out)));
             }
-            Some(Ready::EndOfStream) => return (reports, *monitor.counters()),
+            Some(Ready::EndOfStream) => return (reports, monitor.counters()),
             None => assert!(!rest.is_empty(), "the stream has no end"),
         }
     }

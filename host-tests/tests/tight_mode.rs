@@ -8,11 +8,14 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use flight::{COURSE, Input, LENGTH_S, RANGE, Row, at, attitude_rad, epoch, run, unit};
 use proptest::prelude::*;
+use surefix_core::budget::NoCounter;
 use surefix_core::gnss::{Satellite, System};
 use surefix_core::ins::{AttitudeStart, ImuSample};
 use surefix_core::integrity::{InertialStatus, Integrity, Mode, Reason};
+use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::tight::TightMonitor;
 use surefix_core::time::GpsTime;
+use surefix_host_tests::replay::new_monitor;
 
 /// Rows from an epoch that tight mode could serve again to the first that it does.
 const RECOVERY: i64 = 3;
@@ -420,6 +423,13 @@ fn a_silent_receiver_is_told_at_the_times_its_epochs_were_due() {
             let [fault_free_h, fault_free_v] = row.report.navigation.unwrap().fault_free_m;
             assert!(h < fault_free_h && v < fault_free_v, "{second}: {h} {v}");
             // Half a second after it was due the nominal has long moved on.
+            let clock_m = row.report.navigation.unwrap().clock[0];
+            let expected_m = flight::clock_m(second as f64);
+            assert!((clock_m - expected_m).abs() < 30.0, "{second}: {clock_m}");
+            if second == first {
+                // Not that of the epoch before: the drift of a second is 0.8 m.
+                assert!((clock_m - expected_m).abs() < 0.4, "{second}: {clock_m}");
+            }
             let heading_rad = row.report.navigation.unwrap().roll_pitch_heading_deg[2].to_radians();
             let expected_rad = attitude_rad(second as f64)[2];
             assert!((heading_rad - expected_rad).abs() < 0.02, "{second}");
@@ -475,6 +485,51 @@ fn when_both_are_silent_the_first_row_after_says_so() {
         assert_eq!(first.ms, 1000 * (last + 1));
         assert_tight_but(&rows, 60, last + 6 + RECOVERY);
     }
+}
+
+/// INT-014. No byte comes that could say so: whoever has a clock asks.
+#[test]
+fn when_both_are_silent_a_clock_is_told_within_one_and_a_half_intervals() {
+    let inputs = flight::flight();
+    let mut monitor = new_monitor();
+    let mut reports = Vec::new();
+    let mut feed = |monitor: &mut Monitor, bytes: &[u8]| {
+        let mut rest = bytes;
+        loop {
+            let (used, ready) = monitor.push(rest);
+            rest = &rest[used..];
+            match ready {
+                Some(Ready::Epoch) => reports.push(monitor.process(&mut NoCounter)),
+                _ if rest.is_empty() => break,
+                _ => {}
+            }
+        }
+    };
+    feed(&mut monitor, &flight::preamble(&unit(COURSE)));
+    for input in inputs.iter().filter(|input| input.ms() <= 60_500) {
+        feed(&mut monitor, &input.bytes());
+    }
+    assert_eq!(monitor.tick(at(61_499)), None);
+    for (now_ms, due_ms) in [(61_500, 61_000), (62_510, 62_000), (68_000, 67_000)] {
+        assert_eq!(monitor.tick(at(now_ms)), Some(Ready::Epoch), "{now_ms}");
+        let report = monitor.process(&mut NoCounter);
+        assert_eq!(report.time, at(due_ms));
+        assert_eq!(report.verdict.integrity, Integrity::Unavailable);
+        assert_eq!(report.verdict.reason, Reason::ReceiverSilent);
+        assert_eq!(report.inertial, InertialStatus::ImuSilent);
+        assert_eq!(report.mode, Mode::None);
+        assert_eq!(monitor.tick(at(now_ms)), None, "{now_ms}");
+    }
+    for input in inputs.iter().filter(|input| input.ms() > 68_500) {
+        feed(&mut monitor, &input.bytes());
+    }
+    let first = reports.iter().find(|report| report.time > at(60_500));
+    assert_eq!(first.unwrap().time, at(69_000));
+    let last = reports.last().unwrap();
+    assert_eq!(
+        (last.mode, last.inertial),
+        (Mode::Tight, InertialStatus::Running)
+    );
 }
 
 /// INT-014.

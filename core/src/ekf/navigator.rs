@@ -13,10 +13,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::filter::{ErrorState, Filter, PredictWorkspace, Unhealthy};
 use super::information::{EpochInformation, MeasurementRow};
-use super::layout::{
-    ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, GYRO_BIAS, POSITION,
-    VELOCITY,
-};
+use super::layout::{ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, GYRO_BIAS, VELOCITY};
 use super::process::{LeverState, ProcessAccumulator};
 use super::transition::Transition;
 use super::update::{UpdateSummary, UpdateWorkspace};

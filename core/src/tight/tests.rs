@@ -163,3 +163,54 @@ fn the_antenna_of_a_due_epoch_is_kept_until_it_is_told() {
     assert_eq!(tight.navigator.time(), at(1500));
     assert!(tight.on_silence(at(1000)).is_none());
 }
+
+#[test]
+fn when_the_week_becomes_known_the_filter_goes_on() {
+    let week_ns = 604_800_000_000_000;
+    let mut tight = running();
+    feed(&mut tight, 0, 1000);
+    tight.meets(at(1000)).unwrap();
+    tight.shift(1024 * week_ns);
+    assert_eq!(tight.navigator.time(), at(1000).plus_ns(1024 * week_ns));
+    for milliseconds in (1010..=2000).step_by(10) {
+        tight.on_sample(&ImuSample {
+            time: at(milliseconds).plus_ns(1024 * week_ns),
+            interval_ns: 10_000_000,
+            dtheta_is_s_rad: [0.0; 3],
+            dv_is_s_mps: [0.0981, 0.0, 0.0],
+        });
+    }
+    assert_eq!(tight.intake().counters().used, 200);
+    assert!(tight.meets(at(2000).plus_ns(1024 * week_ns)).is_some());
+    assert_eq!(tight.tell(), InertialStatus::Running);
+}
+
+#[test]
+fn the_clock_of_the_antenna_is_that_of_its_time() {
+    let mut tight = running();
+    tight.navigator.reset_clock(1, 50.0, 1.0);
+    feed(&mut tight, 0, 1500);
+    // No epoch has brought the clock forward yet.
+    for (milliseconds, expected_m) in [(1000, 50.0), (1500, 75.0), (1510, 75.5)] {
+        let [bias_m, ..] = tight.navigator.antenna(at(milliseconds)).clock;
+        assert!(
+            (bias_m - expected_m).abs() < 1e-9,
+            "{milliseconds}: {bias_m}"
+        );
+    }
+    let [bias_m, ..] = tight.navigator.predict(at(1510)).clock;
+    assert!((bias_m - 75.5).abs() < 1e-9, "{bias_m}");
+}
+
+#[test]
+fn an_attitude_from_the_future_is_none() {
+    let mut tight = running();
+    feed(&mut tight, 0, 1000);
+    tight.lose(InertialStatus::ImuSilent);
+    let (_, when) = tight.last_attitude.unwrap();
+    assert_eq!(when, at(1000));
+    assert!(tight.recent_attitude(at(1000)).is_some());
+    assert!(tight.recent_attitude(at(11_000)).is_some());
+    assert!(tight.recent_attitude(at(11_001)).is_none());
+    assert!(tight.recent_attitude(at(999)).is_none());
+}

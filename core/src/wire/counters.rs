@@ -107,6 +107,24 @@ counters! {
     time_restarts,
     /// Bytes of the receiver that found no room on the board before they were looked at.
     receiver_bytes_lost,
+    /// Inertial samples used.
+    imu_used,
+    /// Inertial samples that came twice: dropped.
+    imu_repeated,
+    /// Inertial samples older than the last used one: dropped.
+    imu_late,
+    /// Inertial samples that never came or were of no use, and were bridged.
+    imu_missing,
+    /// Inertial samples used whose increments were stretched or shrunk by more than a hundredth.
+    imu_stretched,
+    /// Inertial samples with a number that is not finite: not used.
+    imu_not_finite,
+    /// Inertial samples at the end of the sensors' range: not used.
+    imu_saturated,
+    /// Inertial samples with an interval that cannot be: not used.
+    imu_bad_interval,
+    /// Inertial samples that showed a fault: the new beginning, whose increments were not used.
+    imu_begun,
 }
 
 /// Adds one, and stays at the largest value.

@@ -216,6 +216,11 @@ fn broadcasts() -> &'static [Ephemeris] {
     })
 }
 
+/// The receiver's clock, m, at a time of the flight.
+pub fn clock_m(t_s: f64) -> f64 {
+    CLOCK_M + DRIFT_MPS * t_s
+}
+
 /// What a receiver whose clock is `jump_m` farther off measures at an instant of its clock.
 pub fn epoch(label_ms: i64, jump_m: f64) -> ObservationEpoch {
     let mut random = ChaCha20Rng::seed_from_u64(label_ms as u64);

@@ -11,6 +11,8 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod araim;
+#[cfg(target_os = "none")]
 mod dense;
 #[cfg(target_os = "none")]
 mod filter;
@@ -38,6 +40,7 @@ fn main() -> ! {
     stages::all();
     inertial::all();
     filter::all();
+    araim::all();
     loop {
         debug::exit(debug::EXIT_SUCCESS);
     }

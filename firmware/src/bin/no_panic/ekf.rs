@@ -115,6 +115,7 @@ fn navigator(config: &InertialConfig, state: &InitialState, measurement: &Correc
     call3(Navigator::step, &mut navigator, &increment, time);
     call3(Navigator::add_uncertainty, &mut navigator, 0.0, 0.0);
     call1(Navigator::time, &navigator);
+    call2(Navigator::shift, &mut navigator, 0);
     call2(Navigator::antenna, &navigator, time);
     let at = Navigator::predict(black_box(&mut navigator), black_box(time));
     call1(Navigator::transition, &navigator);

@@ -167,6 +167,7 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call2(Monitor::configure, &mut monitor, &Config::PRESET);
     call2(Monitor::push, &mut monitor, bytes);
     call1(Monitor::finish, &mut monitor);
+    call2(Monitor::tick, &mut monitor, GpsTime::from_ns(0));
     call1(Monitor::counters, &monitor);
     call1(Monitor::ledger, &monitor);
     call1(Monitor::refused_configurations, &monitor);

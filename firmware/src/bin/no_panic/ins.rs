@@ -37,6 +37,7 @@ pub fn all(config: &InertialConfig, state: &InitialState, sample: &ImuSample) {
     call2(Intake::take, &mut intake, sample);
     call1(Intake::counters, &intake);
     call1(Intake::last_time, &intake);
+    call2(Intake::shift, &mut intake, 0);
 
     let mut alignment = CoarseAlignment::EMPTY;
     call2(CoarseAlignment::configure, &mut alignment, &config.start);
