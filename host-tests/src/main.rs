@@ -54,7 +54,10 @@ struct ReplayArguments {
     /// surefix's own frames
     #[arg(long, value_name = "FILE")]
     imu: Option<PathBuf>,
-    /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, or RTKLIB .pos
+    /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, or RTKLIB .pos. Without
+    /// this, --at and --at-llh the position that the recording states for itself is the truth, if its
+    /// antenna was fixed: not with inertial samples, and not when more than a quarter of the positions
+    /// lie farther than 10 m from it
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "at_llh"])]
     truth: Option<PathBuf>,
     /// True position of a fixed antenna, ECEF, m
@@ -261,7 +264,11 @@ fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
                 ratio(errors.largest_error_over_vpl)
             );
         }
-        None => println!("errors: no truth known; give --truth, --at or --at-llh"),
+        None => {
+            let why = result.truth_unused.as_deref();
+            let why = why.unwrap_or("no truth known");
+            println!("errors: {why}; give --truth, --at or --at-llh");
+        }
     }
     for interval in &summary.exclusions {
         println!(

@@ -15,6 +15,7 @@ use serde::Serialize;
 use surefix_core::bank_report::BankReport;
 use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
+use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
 use surefix_core::tight::MonitorSecondaries;
@@ -151,12 +152,17 @@ pub enum Machine {
     Qemu,
 }
 
+/// A fixed antenna's positions lie so near to where it is, horizontally, m: several times what a
+/// single-frequency receiver errs by, half of what a short walk covers.
+pub const FIXED_WITHIN_M: f64 = 10.0;
+
 /// Where the truth comes from.
 #[derive(Clone, Debug)]
 pub enum TruthChoice {
     /// Given: a fixed point or a track.
     Given(Truth),
-    /// The position the recording states for itself, if it does.
+    /// The position the recording states for itself, if it does and its antenna was fixed: no inertial
+    /// sample came, and at most a quarter of the positions lie farther than [`FIXED_WITHIN_M`] from it.
     FromRecording,
 }
 
@@ -215,6 +221,8 @@ pub struct ReplayResult {
     pub counters: Counters,
     /// Lost input by cause, from reading the file and from the monitor.
     pub losses: BTreeMap<String, u64>,
+    /// Why the position the recording states for itself is not the truth, if it states one.
+    pub truth_unused: Option<String>,
 }
 
 /// Losses that cost an epoch or a part of one.
@@ -242,6 +250,43 @@ impl ReplayResult {
     pub fn lost_epochs(&self) -> bool {
         self.reports.is_empty() || COSTLY.iter().any(|name| self.losses.contains_key(*name))
     }
+}
+
+/// The position a recording states for itself as the truth, or why it is none: a header holds one point,
+/// right or wrong, of a moving antenna too.
+///
+/// Epochs with an alert or with a fault put on them are not judged: what moves there is not the antenna.
+fn own_position(
+    (r_e_m, source): &([f64; 3], String),
+    has_samples: bool,
+    reports: &[EpochReport],
+    faults: &[FaultSpec],
+) -> Result<Truth, String> {
+    if has_samples {
+        return Err(format!(
+            "{source} is not taken as the truth, as an antenna with an inertial unit is not fixed"
+        ));
+    }
+    let truth = Truth::fixed(*r_e_m, source.clone());
+    let is_judged = |report: &&EpochReport| {
+        let t_s = output::t_s(report);
+        let is_faulty = faults.iter().any(|f| (f.t0_s..=f.t1_s).contains(&t_s));
+        report.verdict.integrity != Integrity::Alert && !is_faulty
+    };
+    let judged: Vec<f64> = reports
+        .iter()
+        .filter(is_judged)
+        .filter_map(|report| Truth::error_enu_m(*r_e_m, report.fix?.r_e_m))
+        .map(|[e, n, _]| e.hypot(n))
+        .collect();
+    let far = judged.iter().filter(|d_m| **d_m > FIXED_WITHIN_M).count();
+    if 4 * far > judged.len() {
+        return Err(format!(
+            "{source} is not taken as the truth, as {far} of {} positions lie more than {FIXED_WITHIN_M} m from it",
+            judged.len()
+        ));
+    }
+    Ok(truth)
 }
 
 /// Replays a recording in memory; `progress` sees the reports so far, as they come, and hears how many
@@ -304,12 +349,23 @@ pub fn run(
         }
     }
 
-    let truth = match &options.truth {
-        TruthChoice::Given(truth) => Some(truth.clone()),
-        TruthChoice::FromRecording => info
-            .station
-            .as_ref()
-            .map(|(r_e_m, source)| Truth::fixed(*r_e_m, source.clone())),
+    let own = match (&options.truth, &info.station) {
+        (TruthChoice::FromRecording, Some(station)) => {
+            let has_samples = counters.imu_samples > 0;
+            Some(own_position(
+                station,
+                has_samples,
+                &reader.reports,
+                &options.faults,
+            ))
+        }
+        _ => None,
+    };
+    let (truth, truth_unused) = match (&options.truth, own) {
+        (TruthChoice::Given(truth), _) => (Some(truth.clone()), None),
+        (TruthChoice::FromRecording, Some(Ok(truth))) => (Some(truth), None),
+        (TruthChoice::FromRecording, Some(Err(why))) => (None, Some(why)),
+        (TruthChoice::FromRecording, None) => (None, None),
     };
     let errors_enu_m = output::errors_enu_m(&reader.reports, truth.as_ref());
     let summary = output::summarize(&reader.reports, &errors_enu_m, truth.as_ref());
@@ -320,6 +376,7 @@ pub fn run(
         info,
         counters,
         losses,
+        truth_unused,
     })
 }
 
@@ -331,6 +388,8 @@ struct SummaryFile<'a> {
     config: ConfigSummary,
     #[serde(flatten)]
     summary: &'a Summary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    truth_unused: Option<&'a str>,
     bad_frames: &'a BTreeMap<String, u64>,
     skipped: &'a BTreeMap<String, u64>,
     counters: BTreeMap<&'static str, u32>,
@@ -432,6 +491,7 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
             max_exclusions: config.max_exclusions,
         },
         summary: &result.summary,
+        truth_unused: result.truth_unused.as_deref(),
         bad_frames: &result.losses,
         skipped: &result.info.skipped,
         counters: result.counters.rows().collect(),

@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use surefix_host_tests::rtcm_encode;
+
 fn surefix(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_surefix"))
         .args(arguments)
@@ -437,6 +439,70 @@ fn an_inertial_unit_is_told_of_in_the_configuration_and_replayed_beside_the_rece
         &[&arguments[..], &["--imu", text(&missing)]].concat(),
         &["missing.csv", "cannot read"],
     );
+}
+
+#[test]
+fn a_position_the_recording_states_is_the_truth_for_a_fixed_antenna_only() {
+    let station = "RTCM 1005/1006 station position";
+    let directory = directory("cli-own-position");
+    let (flight, out) = (directory.join("flight"), directory.join("out"));
+    let simulate = ["simulate", "static", "--seed", "7", "--duration", "60"];
+    let made = surefix(&[&simulate[..], &["--out", text(&flight)]].concat());
+    assert!(made.status.success());
+    let (fixed, truth) = (flight.join("receiver.rtcm3"), flight.join("truth.csv"));
+    let first_row = |truth: &Path| -> Vec<String> {
+        let rows = std::fs::read_to_string(truth).unwrap();
+        let row = rows.lines().nth(1).unwrap();
+        row.split(',').map(str::to_owned).collect()
+    };
+    let (code, stdout, message) = replay(&fixed, &out, &["--print", "nothing"]);
+    assert_eq!(code, Some(0), "{message}");
+    assert!(stdout.contains("errors against RTCM 1005"), "{stdout}");
+    let summary = whole(&out);
+    assert_eq!(summary["truth"], station);
+    assert!(summary["truth_unused"].is_null());
+
+    // A fault that moves every position is no motion of the antenna.
+    let used = std::fs::read_to_string(out.join("epochs.csv")).unwrap();
+    let used = used.lines().nth(1).unwrap().split(',').nth(24).unwrap();
+    let fault = format!("{}:step:5000:0:60", used.split('+').next().unwrap());
+    let more = ["--fault", &fault, "--max-exclusions", "0"];
+    assert_eq!(replay(&fixed, &out, &more).0, Some(0));
+    let summary = whole(&out);
+    assert_eq!(summary["truth"], station);
+    assert!(summary["max_error_h_m"].as_f64().unwrap() > 100.0);
+
+    let not_used = |recording: &Path, more: &[&str], why: &str| {
+        let (code, stdout, message) = replay(recording, &out, more);
+        assert_eq!(code, Some(0), "{message}");
+        let line = stdout.lines().find(|line| line.starts_with("errors: "));
+        let line = line.unwrap_or_else(|| panic!("{stdout}"));
+        assert!(line.contains(station) && line.contains(why), "{line}");
+        assert!(line.ends_with("; give --truth, --at or --at-llh"), "{line}");
+        let summary = whole(&out);
+        assert!(summary["truth"].is_null() && summary["h95_m"].is_null());
+        assert_eq!(summary["epochs_with_error_above_level"], 0);
+        let unused = summary["truth_unused"].as_str().unwrap();
+        assert!(line.contains(unused), "{unused}");
+    };
+    let (imu, config) = (directory.join("imu.csv"), directory.join("unit.toml"));
+    std::fs::write(&imu, unit_at_rest(&truth)).unwrap();
+    std::fs::write(&config, UNIT.replace("WEEK", &first_row(&truth)[1])).unwrap();
+    let both = ["--imu", text(&imu), "--config", text(&config)];
+    not_used(&fixed, &both, "inertial unit");
+    let given = [&both[..], &["--truth", text(&truth)]].concat();
+    assert_eq!(replay(&fixed, &out, &given).0, Some(0));
+    assert_eq!(whole(&out)["truth"], text(&truth));
+
+    // A flight that states where it began.
+    let (recording, truth, _) = simulated("cli-own-position-flight");
+    let row = first_row(&truth);
+    let begin = [3, 4, 5].map(|k| row[k].parse().unwrap());
+    let stated = rtcm_encode::encode_station(begin).unwrap();
+    let moving = directory.join("moving.rtcm3");
+    let bytes = std::fs::read(&recording).unwrap();
+    std::fs::write(&moving, [stated, bytes].concat()).unwrap();
+    not_used(&moving, &[], "positions lie more than 10 m from it");
 }
 
 #[test]

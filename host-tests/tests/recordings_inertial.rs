@@ -178,6 +178,11 @@ fn a_walk_against_rtk() {
             ..options.clone()
         };
         let snapshot = replay::run(&alone, &mut |_, _| {}).unwrap();
+        // The header holds one point of the walk.
+        assert_eq!(
+            (&tight.summary.truth, &snapshot.summary.truth),
+            (&None, &None)
+        );
         // Where both have a position, from the first tight one on.
         let (mut of_tight, mut of_snapshot) = (Vec::new(), Vec::new());
         let (mut nis, mut rows) = (0.0, 0.0);

@@ -138,6 +138,39 @@ fn the_board_writes_the_same_result() {
     assert!(here.reports == there.reports);
 }
 
+/// On the emulated Cortex-M7 too a fault is detected, isolated and excluded, at the same epoch and by the same
+/// bits; five epochs later the same filters go on.
+#[test]
+fn the_board_excludes_the_same_satellite() {
+    let Some(folder) = common::shared("scenarios/seed000_ramp_tac") else {
+        return;
+    };
+    if let Some(missing) = image::missing() {
+        eprintln!("SKIPPED: {missing}");
+        return;
+    }
+    let mut scenario = Scenario::read(&folder).unwrap();
+    let whole = run::run(&scenario, Machine::Host, &mut |_| {}).unwrap();
+    let [(excluded_at, _)] = whole.result.exclusions()[..] else {
+        panic!("one exclusion: {:?}", whole.result.exclusions());
+    };
+    scenario.epochs.truncate(excluded_at + 1 + 5);
+    let here = run::run(&scenario, Machine::Host, &mut |_| {}).unwrap();
+    let begin = std::time::Instant::now();
+    let there = run::run(&scenario, Machine::Qemu, &mut |_| {}).unwrap();
+    println!(
+        "{} epochs on the board in {:.0} s",
+        there.reports.len(),
+        begin.elapsed().as_secs_f64()
+    );
+    assert_eq!(there.without_solution, 0);
+    assert!(there.losses.is_empty(), "{:?}", there.losses);
+    assert_eq!(there.result.exclusions(), whole.result.exclusions());
+    assert!(there.result.first_detection() <= Some(excluded_at));
+    assert_eq!(here.result.to_text(), there.result.to_text());
+    assert!(here.reports == there.reports);
+}
+
 /// A scenario of three seconds at rest, written by hand.
 fn small_scenario(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
@@ -280,6 +313,16 @@ fn a_folder_that_cannot_be_used_is_refused_with_file_line_and_column() {
         "p_fa,1e-7",
         "p_fa,2",
         &["init.csv, line", "p_fa", "between 0 and 1"],
+    );
+    let folder = small_scenario("scenario-one-sample");
+    let imu = std::fs::read_to_string(folder.join("imu.csv")).unwrap();
+    let first: Vec<&str> = imu.lines().take(2).collect();
+    std::fs::write(folder.join("imu.csv"), first.join("\n")).unwrap();
+    let (code, message) = surefix(&[&folder, Path::new("--out"), &folder.join("out")]);
+    assert_eq!(code, Some(2), "{message}");
+    assert!(
+        message.contains("imu.csv holds a single sample: give the samples"),
+        "{message}"
     );
     let missing = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scenario-missing");
     let (code, message) = surefix(&[&missing, Path::new("--out"), &missing]);

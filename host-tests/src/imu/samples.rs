@@ -284,6 +284,11 @@ fn read_csv(text: &str, file: &FileSettings, nominal_ns: u32) -> Result<(Vec<Imu
     if bad_lines > samples.len() as u64 {
         bail!("{bad_lines} lines hold no sample ({first_bad}): check the columns in [imu.file]");
     }
+    if file.time_scale == TimeScale::GpstUnixS && samples.iter().all(|s| s.time.ns() < 0) {
+        bail!(
+            "[imu.file] time_scale = \"gpst_unix_s\" counts seconds from 1970, and these would lie before GPS time began in 1980: for seconds of a GPS week give \"gpst_sow\" and week, for those of a scenario \"scenario_s\""
+        );
+    }
     Ok((samples, bad_lines))
 }
 
@@ -384,6 +389,11 @@ mod tests {
             &["line 2", "2 columns", "column 3"],
         );
         refused(scenario, "t\n1,0,0,x,0,0,0\n", &["line 2", "\"x\""]);
+        refused(
+            "time_scale = \"gpst_unix_s\"\n",
+            "1,0,0,1,0,0,0\n2,0,0,1,0,0,0\n",
+            &["1980", "time_scale", "gpst_sow", "scenario_s"],
+        );
         let mixed = RATES.replace("deg/s", "deg") + scenario;
         let message = read_csv(line, &file(&mixed), 10_000_000)
             .unwrap_err()

@@ -176,8 +176,16 @@ fn read_imu(path: &Path, t0_s: f64) -> Result<Vec<ImuRow>> {
             dv_ib_b_mps: row.numbers(dv)?,
         });
     }
-    if rows.is_empty() {
-        bail!("{} holds no sample", path.display());
+    if rows.len() < 2 {
+        bail!(
+            "{} holds {}: give the samples from t0 of init.csv to the last epoch of gnss.csv, one per imu_dt",
+            path.display(),
+            if rows.is_empty() {
+                "no sample"
+            } else {
+                "a single sample"
+            }
+        );
     }
     Ok(rows)
 }
