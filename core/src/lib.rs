@@ -14,7 +14,7 @@
 //! | [`ins`] | inertial samples to position, velocity and attitude |
 //! | [`ekf`] | the error-state filter: shared transition, compressed update, the tightly coupled navigator |
 //! | [`mhss`] | the bank of filters without one and two satellites: detection, isolation, exclusion, levels |
-//! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels |
+//! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels; ARAIM |
 //! | [`integrity`] | phases of flight, reasons, the verdict |
 //! | [`config`] | what a user chooses before the first byte |
 //! | [`ingest`], [`report`], [`bank_report`] | checked messages to domain types; verdict and tests of the bank to output messages |
