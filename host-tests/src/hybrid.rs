@@ -491,7 +491,7 @@ pub fn write(hybrid: &Hybrid, directory: &Path) -> Result<()> {
 /// Runs `surefix hybrid`.
 ///
 /// # Errors
-/// As [`synthesise`] and [`write`].
+/// As [`synthesise`] and [`write()`].
 pub fn run(args: &Args) -> Result<()> {
     let hybrid = synthesise(args)?;
     write(&hybrid, &args.out)?;
