@@ -319,6 +319,7 @@ impl Monitor {
             report.verdict.val_m = Some(model.val_m);
         }
         report.n_observed = u8::try_from(epoch.rows.len()).unwrap_or(u8::MAX);
+        report.flags.incomplete = self.ingest.corrected_is_incomplete();
         if let Some(tight) = self.tight.on_corrected(epoch, secondaries) {
             serve(&mut report, &tight);
         }

@@ -13,4 +13,4 @@ mod settings;
 
 pub use interleave::{Pending, interleave};
 pub use samples::{Recorded, read};
-pub use settings::{Grade, ImuSettings};
+pub use settings::ImuSettings;

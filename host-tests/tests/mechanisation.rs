@@ -395,7 +395,7 @@ fn an_error_put_in_is_taken_out() {
     mechanisation.r_eb_e += dr;
     mechanisation.v_eb_e += dv;
     // Ĉ = (I + [ψ×]) C.
-    let c_hat = (Matrix3::identity() + rotation::skew(&psi)) * rotation::to_matrix(&truth.q_e_b);
+    let c_hat = (Matrix3::identity() + psi.cross_matrix()) * rotation::to_matrix(&truth.q_e_b);
     mechanisation.q_e_b = rotation::from_matrix(&c_hat).unwrap();
     mechanisation.gyro_bias -= bias;
     mechanisation.accel_bias -= 2.0 * bias;

@@ -9,7 +9,6 @@
 //! | q      | `q`        | 4     | 1    | unit quaternion (cos φ/2, sin φ/2 · axis)                   |
 //! | φ      | `phi`      | 3     | rad  | rotation vector: the axis times the angle                   |
 //! | C      | `c_to_from`| 3 × 3 | 1    | rotation matrix                                             |
-//! | [a×]   | `skew(a)`  | 3 × 3 |      | the matrix whose product with b is a × b                    |
 //! | φ, θ, ψ|            | 3     | rad  | roll, pitch, heading: C_n_b = C_3(ψ)ᵀ C_2(θ)ᵀ C_1(φ)ᵀ       |
 //!
 //! Equations: quaternion, matrix and angles of attitude [GROVES-2013], chapter 2; the branch with the
@@ -179,11 +178,6 @@ pub fn c_e_n(lat_rad: f64, lon_rad: f64) -> Matrix3<f64> {
     Matrix3::new(n_x, e_x, -u_x, n_y, e_y, -u_y, n_z, e_z, -u_z)
 }
 
-/// The matrix [a×].
-pub fn skew(a: &Vector3<f64>) -> Matrix3<f64> {
-    Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -204,7 +198,7 @@ mod tests {
     fn exponential(phi: &Vector3<f64>) -> Matrix3<f64> {
         let (mut sum, mut term) = (Matrix3::identity(), Matrix3::identity());
         for k in 1..40 {
-            term = term * skew(phi) / f64::from(k);
+            term = term * phi.cross_matrix() / f64::from(k);
             sum += term;
         }
         sum
@@ -303,11 +297,5 @@ mod tests {
         assert!((c_enu_e * c_e_n * Vector3::x() - Vector3::y()).norm() < 1e-15);
         assert!((c_enu_e * c_e_n * Vector3::y() - Vector3::x()).norm() < 1e-15);
         assert!((c_e_n.determinant() - 1.0).abs() < 1e-15);
-    }
-
-    #[test]
-    fn skew_is_the_cross_product() {
-        let (a, b) = (Vector3::new(1.0, 2.0, 3.0), Vector3::new(-4.0, 0.5, 6.0));
-        assert_eq!(skew(&a) * b, a.cross(&b));
     }
 }

@@ -14,6 +14,8 @@ use surefix_core::ins::{
     MeasurementFactors, SensorRange,
 };
 
+use crate::simulate::inertial::sensors::Grade;
+
 /// Standard gravity, m/s², by definition.
 pub(super) const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
 /// One degree per hour, rad/s.
@@ -36,18 +38,6 @@ pub struct ImuSettings {
     measurement: Option<Measurement>,
     start: Start,
     sigma: Option<Sigma>,
-}
-
-/// Named qualities of units.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Grade {
-    /// 0.002 °/√h, 10 µg/√Hz; first biases 0.01 °/h, 50 µg.
-    Navigation,
-    /// 0.1 °/√h, 50 µg/√Hz; 1 °/h, 1 mg.
-    Tactical,
-    /// 0.3 °/√h, 200 µg/√Hz; 50 °/h, 5 mg.
-    Mems,
 }
 
 /// Section `[imu.file]`: what the columns of a CSV file mean.
@@ -209,18 +199,6 @@ struct Sigma {
     clock_drift_mps: Option<f64>,
 }
 
-impl Grade {
-    /// White noise: °/√h, µg/√Hz; walks: °/h/√s, µg/√s; first biases: °/h, mg; first attitude: level
-    /// and heading, °. Those of the reference scenarios.
-    const fn numbers(self) -> [f64; 8] {
-        match self {
-            Self::Navigation => [0.002, 10.0, 0.001 / 60.0, 3.0 / 60.0, 0.01, 0.05, 0.02, 0.1],
-            Self::Tactical => [0.1, 50.0, 0.3 / 17.3, 50.0 / 17.3, 1.0, 1.0, 0.1, 0.5],
-            Self::Mems => [0.3, 200.0, 10.0 / 17.3, 300.0 / 17.3, 50.0, 5.0, 0.5, 2.0],
-        }
-    }
-}
-
 impl Mounting {
     /// C^b_s, rows.
     fn c_b_s(self) -> [[f64; 3]; 3] {
@@ -271,7 +249,17 @@ impl ImuSettings {
     /// # Errors
     /// When a number is outside its range; the message names the key.
     pub fn inertial_config(&self) -> Result<InertialConfig> {
-        let [arw, vrw, gyro_walk, accel_walk, gyro, accel, level, heading] = self.grade.numbers();
+        let [
+            arw,
+            vrw,
+            gyro_walk,
+            accel_walk,
+            gyro,
+            accel_ug,
+            level,
+            heading,
+        ] = self.grade.numbers();
+        let accel = accel_ug / 1000.0;
         let noise = self.noise.unwrap_or_default();
         let sigma = self.sigma.unwrap_or_default();
         let measurement = self.measurement.unwrap_or_default();

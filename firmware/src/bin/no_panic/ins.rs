@@ -66,5 +66,4 @@ fn rotations() {
     call1(rotation::c_n_b, &[0.0; 3]);
     call1(rotation::roll_pitch_heading, c);
     call2(rotation::c_e_n, 0.0, 0.0);
-    call1(rotation::skew, vector);
 }

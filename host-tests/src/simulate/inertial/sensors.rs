@@ -19,7 +19,8 @@ const DEG_PER_ROOT_H: f64 = DEG / 60.0;
 const MICRO_G: f64 = 9.806_65e-6;
 
 /// A grade of inertial unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Grade {
     /// 0.01 °/h, 50 µg, 0.002 °/√h
     Navigation,
@@ -52,14 +53,13 @@ impl Grade {
         }
     }
 
-    /// Its densities and initial errors: those of the reference scenarios.
-    pub fn noise(self) -> GradeNoise {
-        // Angle and velocity random walk; bias walks as an instability over √s; initial biases;
-        // initial level and heading.
-        let (arw, vrw, gyro_walk, accel_walk, gyro, accel, level, heading) = match self {
-            Self::Navigation => (0.002, 10.0, 0.001 / 60.0, 3.0 / 60.0, 0.01, 50.0, 0.02, 0.1),
-            Self::Tactical => (0.1, 50.0, 0.3 / 17.3, 50.0 / 17.3, 1.0, 1000.0, 0.1, 0.5),
-            Self::Mems => (
+    /// White noise: °/√h, µg/√Hz; walks, an instability over √s: °/h/√s, µg/√s; first biases: °/h, µg;
+    /// first attitude: level and heading, °. Those of the reference scenarios.
+    pub const fn numbers(self) -> [f64; 8] {
+        match self {
+            Self::Navigation => [0.002, 10.0, 0.001 / 60.0, 3.0 / 60.0, 0.01, 50.0, 0.02, 0.1],
+            Self::Tactical => [0.1, 50.0, 0.3 / 17.3, 50.0 / 17.3, 1.0, 1000.0, 0.1, 0.5],
+            Self::Mems => [
                 0.3,
                 200.0,
                 10.0 / 17.3,
@@ -68,8 +68,13 @@ impl Grade {
                 5000.0,
                 0.5,
                 2.0,
-            ),
-        };
+            ],
+        }
+    }
+
+    /// Its densities and initial errors in SI units.
+    pub fn noise(self) -> GradeNoise {
+        let [arw, vrw, gyro_walk, accel_walk, gyro, accel, level, heading] = self.numbers();
         GradeNoise {
             density: InertialNoise {
                 arw: arw * DEG_PER_ROOT_H,
