@@ -13,7 +13,7 @@ use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{araim, campaign, hybrid, output, report, scenario, simulate};
+use surefix_host_tests::{araim, campaign, hybrid, output, real_time, report, scenario, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -38,6 +38,7 @@ enum Command {
     Hybrid(hybrid::Args),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
+    RealTime(real_time::Args),
     /// One self-contained HTML page of a replay
     Report(report::Args),
 }
@@ -296,6 +297,10 @@ fn main() -> ExitCode {
         }),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Hybrid(arguments) => hybrid::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::RealTime(arguments) => arguments.run().map(|holds| match holds {
+            true => ExitCode::SUCCESS,
+            false => ExitCode::from(1),
+        }),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
