@@ -26,9 +26,7 @@ use crate::integrity::{
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
-use crate::tight::{
-    BankMemory, TestedSolution, TightConfigureError, TightMonitor, TightSolution,
-};
+use crate::tight::{BankMemory, TestedSolution, TightConfigureError, TightMonitor, TightSolution};
 use crate::time::{GpsTime, NS_PER_WEEK};
 use crate::wire::Counters;
 

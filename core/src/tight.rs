@@ -13,8 +13,8 @@ use heapless::Vec;
 
 use crate::config::Config;
 use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
-use crate::ekf::layout::FIRST_OFFSET;
 use crate::ekf::Filter;
+use crate::ekf::layout::FIRST_OFFSET;
 use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
 use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
