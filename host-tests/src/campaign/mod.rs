@@ -13,6 +13,7 @@
 
 pub mod binomial;
 pub mod errors;
+pub mod false_alerts;
 pub mod figure;
 pub mod flown;
 pub mod outcome;
@@ -108,7 +109,9 @@ pub fn run(args: &Args) -> Result<()> {
         "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
         name => name.to_owned(),
     };
-    if bank_campaign::<seed_ramp::SeedRamp>(&name, args)? {
+    if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+        || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
+    {
         return Ok(());
     }
     let result = match name.as_str() {
