@@ -26,9 +26,7 @@ use crate::integrity::{
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
-use crate::tight::{
-    MonitorSecondaries, TestedSolution, TightConfigureError, TightMonitor, TightSolution,
-};
+use crate::tight::{BankMemory, TestedSolution, TightConfigureError, TightMonitor, TightSolution};
 use crate::time::{GpsTime, NS_PER_WEEK};
 use crate::wire::Counters;
 
@@ -241,17 +239,17 @@ impl Monitor {
         self.process_with(counter, None)
     }
 
-    /// The same with a memory for the secondary filters of the bank.
+    /// The same with a memory for the filters of the bank.
     #[inline(never)]
     pub fn process_with(
         &mut self,
         counter: &mut impl CycleCounter,
-        secondaries: Option<&mut MonitorSecondaries>,
+        memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
         self.ledger.begin_epoch();
         let mut report = match self.pending {
             Pending::Observations => self.process_observations(counter),
-            Pending::Corrected => self.process_corrected(counter, secondaries),
+            Pending::Corrected => self.process_corrected(counter, memory),
             Pending::Silence { time } => self.process_silence(time, counter),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
@@ -309,7 +307,7 @@ impl Monitor {
     fn process_corrected(
         &mut self,
         counter: &mut impl CycleCounter,
-        secondaries: Option<&mut MonitorSecondaries>,
+        memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
         let begin = counter.now();
         let epoch = self.ingest.corrected_epoch();
@@ -320,7 +318,7 @@ impl Monitor {
         }
         report.n_observed = u8::try_from(epoch.rows.len()).unwrap_or(u8::MAX);
         report.flags.incomplete = self.ingest.corrected_is_incomplete();
-        if let Some(tight) = self.tight.on_corrected(epoch, secondaries) {
+        if let Some(tight) = self.tight.on_corrected(epoch, memory) {
             serve(&mut report, &tight);
         }
         report.inertial = self.tight.tell();

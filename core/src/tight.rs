@@ -13,6 +13,7 @@ use heapless::Vec;
 
 use crate::config::Config;
 use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
+use crate::ekf::Filter;
 use crate::ekf::layout::FIRST_OFFSET;
 use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
@@ -47,6 +48,32 @@ pub const JOINT: usize = 6 + CLOCKS;
 
 /// The secondary filters of the monitor: half a megabyte, in a memory of its own.
 pub type MonitorSecondaries = Secondaries<CLOCKS, JOINT>;
+
+/// The filters that every test of an epoch reads: F00 while the bank runs, and those without one satellite
+/// or one constellation. Small enough for a microcontroller's fastest memory.
+#[derive(Clone, Debug)]
+pub struct MonitorFastFilters {
+    pub(crate) main: Filter<CLOCKS, JOINT>,
+    pub(crate) sub: SubFilters<CLOCKS, JOINT>,
+}
+
+impl MonitorFastFilters {
+    /// Empty: all bytes are zero.
+    pub const EMPTY: Self = Self {
+        main: Filter::EMPTY,
+        sub: SubFilters::EMPTY,
+    };
+}
+
+/// Where the bank's filters lie. Two memories, so that a board can put each where it has room. What
+/// they hold belongs to the monitor that was given them: the same two must come with every epoch.
+#[derive(Debug)]
+pub struct BankMemory<'a> {
+    /// F00 and F0n.
+    pub fast: &'a mut MonitorFastFilters,
+    /// Fnm.
+    pub secondaries: &'a mut MonitorSecondaries,
+}
 
 /// A receiver clock that jumps does so by whole milliseconds, m.
 const MILLISECOND_M: f64 = 1.0e-3 * SPEED_OF_LIGHT_MPS;
@@ -136,7 +163,7 @@ impl<'a> TestedSolution<'a> {
     }
 }
 
-/// Everything tight mode needs, the secondary filters apart. About 100 kB; lives in a static.
+/// Everything tight mode needs, the filters of the bank apart. About 60 kB; lives in a static.
 pub struct TightMonitor {
     config: Option<InertialConfig>,
     reference: Option<ReferenceModel>,
@@ -153,7 +180,6 @@ pub struct TightMonitor {
     innovations_m: [f64; MAX_SATELLITES],
     diverged: u8,
     bank: Bank<CLOCKS, JOINT>,
-    sub_filters: SubFilters<CLOCKS, JOINT>,
     rows: Vec<BankRow<JOINT>, MAX_SATELLITES>,
     quantiles: SeparationQuantiles,
     bank_verdict: Option<(GpsTime, BankVerdict)>,
@@ -189,7 +215,6 @@ impl TightMonitor {
         innovations_m: [0.0; MAX_SATELLITES],
         diverged: 0,
         bank: Bank::EMPTY,
-        sub_filters: SubFilters::EMPTY,
         rows: Vec::new(),
         quantiles: SeparationQuantiles::EMPTY,
         bank_verdict: None,

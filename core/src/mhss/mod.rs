@@ -10,6 +10,10 @@
 //! docs/decisions/006-filter-bank.md.
 
 pub mod bank;
+pub mod correlated;
+mod least_squares;
+pub mod protection;
+pub mod selection;
 pub mod separation;
 
 pub use bank::{
