@@ -41,19 +41,17 @@ impl TightMonitor {
                 });
             }
         }
-        let solution = self
-            .run_bank(&at, &reference, memory)
-            .and_then(|summary| {
-                let used = self.bank.satellites();
-                let absent = [false; System::ALL.len()];
-                let at = self.navigator.antenna(epoch.time);
-                let mut solution = self.solution(&at, &summary, used, absent)?;
-                // As the bank's levels: before an exclusion.
-                if let Some((_, verdict)) = &self.bank_verdict {
-                    solution.navigation.fault_free_m = verdict.fault_free_m;
-                }
-                Some(solution)
-            });
+        let solution = self.run_bank(&at, &reference, memory).and_then(|summary| {
+            let used = self.bank.satellites();
+            let absent = [false; System::ALL.len()];
+            let at = self.navigator.antenna(epoch.time);
+            let mut solution = self.solution(&at, &summary, used, absent)?;
+            // As the bank's levels: before an exclusion.
+            if let Some((_, verdict)) = &self.bank_verdict {
+                solution.navigation.fault_free_m = verdict.fault_free_m;
+            }
+            Some(solution)
+        });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
         }
