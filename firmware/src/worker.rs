@@ -33,6 +33,8 @@ pub struct Worker {
     lost_logged: u32,
     /// Bytes taken by the monitor, modulo 2³².
     taken: u32,
+    /// Interval between two epochs, ns.
+    interval_ns: Option<i64>,
     #[cfg(feature = "real-time")]
     observed: Observed,
 }
@@ -89,6 +91,7 @@ impl Worker {
             state: None,
             lost_logged: 0,
             taken: 0,
+            interval_ns: None,
             #[cfg(feature = "real-time")]
             observed: Observed::default(),
         }
@@ -144,13 +147,19 @@ impl Worker {
 
     /// Whether a report on an epoch whose bytes came then, sent from now on, would be there only when the
     /// next epoch is. Never where no time is kept.
-    fn is_overdue(&self, came: u32) -> bool {
+    fn is_overdue(&mut self, came: u32) -> bool {
         let Some(rate) = board::ticks_per_second() else {
             return false;
         };
         let (rate, bits) = (i64::from(rate), 10 * REPORT_FRAME_LENGTH as i64);
-        let interval_ns = self.monitor.epoch_interval_ns();
-        let interval = rate * interval_ns.unwrap_or(SHORTEST_INTERVAL_NS) / 1_000_000_000;
+        // The shortest that was ever known: epochs that were lost are no slower receiver.
+        let known_ns = self.monitor.epoch_interval_ns();
+        self.interval_ns = match (self.interval_ns, known_ns) {
+            (Some(before), Some(now)) => Some(before.min(now)),
+            (before, now) => before.or(now),
+        };
+        let interval_ns = self.interval_ns.unwrap_or(SHORTEST_INTERVAL_NS);
+        let interval = rate * interval_ns / 1_000_000_000;
         let sending = rate * bits / i64::from(board::BAUD);
         i64::from(board::ticks().wrapping_sub(came)) > interval - sending
     }
