@@ -25,6 +25,7 @@ use surefix_core::integrity::{Mode, Reason};
 use surefix_core::report::EpochReport;
 use surefix_core::wire::native::{Frame, Kind, MAX_FRAME};
 
+use crate::faults::FaultSpec;
 use crate::qemu::image;
 use crate::qemu::paced::{self, INSTRUCTIONS_PER_TICK, TICKS_PER_SECOND};
 use crate::replay::{Executor, HostExecutor, OutputReader};
@@ -63,6 +64,9 @@ pub struct Args {
     /// GPS and BDS without Galileo: 20 satellites
     #[arg(long)]
     pub no_galileo: bool,
+    /// Fault on a satellite beside the flight's own, `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`
+    #[arg(long = "fault", value_name = "SPEC")]
+    pub faults: Vec<FaultSpec>,
     /// A tenth of the clock: 25 million instructions a second
     #[arg(long)]
     pub slow: bool,
@@ -77,6 +81,7 @@ impl Default for Args {
             imu_rate_hz: 200,
             rate_hz: 10,
             no_galileo: false,
+            faults: Vec::new(),
             slow: false,
         }
     }
@@ -88,6 +93,8 @@ pub struct Outcome {
     args: Args,
     /// What the board said of each epoch.
     pub reports: Vec<EpochReport>,
+    /// Satellites that had a filter of their own in the bank, per report of which it was a part.
+    pub in_bank: Vec<usize>,
     /// What this machine said.
     pub expected: Vec<EpochReport>,
     /// Whether all that the board sent is what this machine sent, byte for byte.
@@ -130,6 +137,7 @@ fn prepare(args: &Args) -> Result<Line> {
         gnss_rate_hz: args.rate_hz,
         duration_s: Some(seconds as u32),
         galileo: !args.no_galileo,
+        faults: args.faults.clone(),
         ..inertial::Request::new(args.flight, args.seed)
     })?;
     let radio = board::Radio {
@@ -218,6 +226,12 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
         stack_bytes: told.stack_bytes,
         most_waiting: told.most_waiting,
         load: told.busy as f64 / told.epochs.last().map_or(1, |e| e.sent) as f64,
+        in_bank: board
+            .banks
+            .iter()
+            .flatten()
+            .map(|bank| bank.tests.len())
+            .collect(),
         reports: board.reports,
         expected: host.reports,
         log: there.log,
@@ -310,6 +324,13 @@ impl fmt::Display for Outcome {
             "reports                        {}, {tight} of them of the filter, up to {} satellites",
             self.reports.len(),
             used.max().unwrap_or(0),
+        )?;
+        let filled = self.in_bank.iter().max().copied().unwrap_or(0);
+        let is_filled = self.in_bank.iter().filter(|n| **n == filled).count();
+        writeln!(
+            f,
+            "reports with the bank          {}, {is_filled} of them with {filled} satellites in it",
+            self.in_bank.len(),
         )?;
         writeln!(
             f,
