@@ -23,7 +23,7 @@
 use super::filter::Filter;
 use super::information::EpochInformation;
 use super::joint::{JointWorkspace, Scalar};
-use super::layout::{BLOCKS, JOINT_NAVIGATION, POSITION, VELOCITY, pair};
+use super::layout::{BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, POSITION, VELOCITY, pair};
 use crate::linalg::block3::{Block, Symmetric, full};
 
 /// Vectors of one block of states, one per scalar measurement.
@@ -95,27 +95,29 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         let velocity = full(&self.covariance.diagonal[VELOCITY]);
         let both = &self.covariance.off_diagonal[pair(POSITION, VELOCITY)];
         let (covariance, state) = (&mut joint.covariance, &mut joint.state);
+        let velocity_at = JointWorkspace::<K, M>::velocity;
+        let clock_at = JointWorkspace::<K, M>::clock;
         for i in 0..3 {
             for j in 0..3 {
                 covariance[i][j] = position[3 * i + j];
-                covariance[i][3 + j] = both[3 * i + j];
-                covariance[3 + j][i] = both[3 * i + j];
-                covariance[3 + i][3 + j] = velocity[3 * i + j];
+                covariance[i][velocity_at(j)] = both[3 * i + j];
+                covariance[velocity_at(j)][i] = both[3 * i + j];
+                covariance[velocity_at(i)][velocity_at(j)] = velocity[3 * i + j];
             }
             for k in 0..K {
-                covariance[i][JOINT_NAVIGATION + k] = self.cross[POSITION][k][i];
-                covariance[JOINT_NAVIGATION + k][i] = self.cross[POSITION][k][i];
-                covariance[3 + i][JOINT_NAVIGATION + k] = self.cross[VELOCITY][k][i];
-                covariance[JOINT_NAVIGATION + k][3 + i] = self.cross[VELOCITY][k][i];
+                covariance[i][clock_at(k)] = self.cross[POSITION][k][i];
+                covariance[clock_at(k)][i] = self.cross[POSITION][k][i];
+                covariance[velocity_at(i)][clock_at(k)] = self.cross[VELOCITY][k][i];
+                covariance[clock_at(k)][velocity_at(i)] = self.cross[VELOCITY][k][i];
             }
             state[i] = self.state.navigation[POSITION][i];
-            state[3 + i] = self.state.navigation[VELOCITY][i];
+            state[velocity_at(i)] = self.state.navigation[VELOCITY][i];
         }
         for k in 0..K {
             for l in 0..K {
-                covariance[JOINT_NAVIGATION + k][JOINT_NAVIGATION + l] = self.clock[k][l];
+                covariance[clock_at(k)][clock_at(l)] = self.clock[k][l];
             }
-            state[JOINT_NAVIGATION + k] = self.state.clock[k];
+            state[clock_at(k)] = self.state.clock[k];
         }
     }
 
@@ -199,14 +201,20 @@ fn block_vectors<const K: usize, const M: usize>(
     combination: &[[f64; M]; M],
     vectors: &mut BlockVectors<M>,
 ) {
-    // The blocks are stored with the measured state first.
-    let column = |s: usize| match s {
-        0..3 => [position[3 * s], position[3 * s + 1], position[3 * s + 2]],
-        3..JOINT_NAVIGATION => {
-            let at = 3 * (s - 3);
+    // The blocks are stored with the measured state first; the order is that of the joint block.
+    let column = |s: usize| {
+        if s < 3 {
+            [position[3 * s], position[3 * s + 1], position[3 * s + 2]]
+        } else if s == 3 {
+            clocks[CLOCK_BIAS]
+        } else if s == M - 1 {
+            clocks[CLOCK_DRIFT]
+        } else if s < M - 4 {
+            clocks[s - 4 + FIRST_OFFSET]
+        } else {
+            let at = 3 * (s + 4 - M);
             [velocity[at], velocity[at + 1], velocity[at + 2]]
         }
-        _ => clocks[s - JOINT_NAVIGATION],
     };
     vectors_from::<0, M>(column, combination, vectors);
     vectors_from::<3, M>(column, combination, vectors);
@@ -352,14 +360,18 @@ mod tests {
     use crate::ekf::information::MeasurementRow;
 
     fn random_row(noise: &mut Noise, weight: f64) -> MeasurementRow<M> {
-        MeasurementRow {
+        let mut row = MeasurementRow {
             pseudorange: core::array::from_fn(|_| noise.next()),
             innovation_m: noise.next(),
             weight,
             range_rate: core::array::from_fn(|_| noise.next()),
             innovation_mps: noise.next(),
             range_rate_weight: 0.5 * weight,
-        }
+        };
+        row.pseudorange[3..6].fill(0.0);
+        row.pseudorange[6 + CLOCK_DRIFT] = 0.0;
+        row.range_rate[6 + CLOCK_BIAS] = 0.0;
+        row
     }
 
     /// One scalar update after the other with the textbook's gain, and its NIS.
@@ -420,14 +432,13 @@ mod tests {
         }
         let [mut sum, odd] = parts;
         sum.add(&odd);
-        for (a, b) in sum
-            .matrix
-            .iter()
-            .flatten()
-            .zip(whole.matrix.iter().flatten())
-        {
-            assert!((a - b).abs() < 1e-14);
-        }
+        let mut workspace = UpdateWorkspace::<K, M>::EMPTY;
+        let mut apart = random_filter(&mut noise);
+        let mut together = apart.clone();
+        let nis = apart.update(&sum, &mut workspace).nis;
+        assert!((together.update(&whole, &mut workspace).nis - nis).abs() < 1e-12);
+        let difference = dense::covariance(&apart) - dense::covariance(&together);
+        assert!(difference.amax() < 1e-14);
         assert_eq!(sum.rows(), 16);
     }
 }

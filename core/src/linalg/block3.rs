@@ -21,7 +21,7 @@ pub const ZERO: Block = [0.0; 9];
 pub const IDENTITY: Block = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
 
 /// Where the entry (i, j) of a symmetric matrix is stored.
-const fn packed(i: usize, j: usize) -> usize {
+pub(crate) const fn packed(i: usize, j: usize) -> usize {
     const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
     PLACE[i][j]
 }

@@ -49,8 +49,8 @@ static THREE_CLOCKS: ConstStaticCell<Bank<3, 9>> = ConstStaticCell::new(Bank::EM
 static FOUR_CLOCKS: ConstStaticCell<Bank<4, 10>> = ConstStaticCell::new(Bank::EMPTY);
 static PEERS: ConstStaticCell<dense::Peers> = ConstStaticCell::new(dense::Peers::EMPTY);
 
-/// Measures the filter and its peers and prints their rows.
-pub fn all() {
+/// Measures the filter and its peers and prints their rows; gives the transition they were carried over.
+pub fn all() -> &'static Transition {
     let (process, workspace) = (PROCESS.take(), PREDICT.take());
     let mut random = Random::new(4);
     let transition = epoch(&mut random, process);
@@ -59,6 +59,7 @@ pub fn all() {
     rows(&mut random, THREE_CLOCKS.take(), transition, workspace);
     rows(&mut random, FOUR_CLOCKS.take(), transition, workspace);
     peers(&mut random, two, transition, workspace);
+    transition
 }
 
 /// A second of samples in straight flight, with a lever arm.
