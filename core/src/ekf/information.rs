@@ -177,66 +177,57 @@ impl<const M: usize> EpochInformation<M> {
     /// Adds a satellite.
     #[inline(never)]
     pub fn add_row(&mut self, row: &MeasurementRow<M>) {
-        self.add_pseudorange(&row.pseudorange, row.innovation_m, row.weight);
-        if row.range_rate_weight > 0.0 {
-            self.add_range_rate(&row.range_rate, row.innovation_mps, row.range_rate_weight);
+        let (range, rate) = (&row.pseudorange, &row.range_rate);
+        let (weight, rate_weight) = (row.weight, row.range_rate_weight);
+        let weighted = [0, 1, 2].map(|i| weight * range[i]);
+        let rate_weighted = [0, 1, 2].map(|i| rate_weight * rate[i]);
+        let innovation = weight * row.innovation_m;
+        let rate_innovation = rate_weight * row.innovation_mps;
+        for s in 0..M {
+            let of_range = s < 3 || s == BIAS || s >= OFFSETS;
+            let of_rate = s < JOINT_NAVIGATION || s == DRIFT;
+            for i in 0..3 {
+                if of_range {
+                    self.position[s][i] += weighted[i] * range[s];
+                }
+                if of_rate {
+                    self.position[s][i] += rate_weighted[i] * rate[s];
+                }
+            }
+            if of_range {
+                self.vector[s] += innovation * range[s];
+            }
+            if of_rate {
+                self.vector[s] += rate_innovation * rate[s];
+            }
         }
-    }
-
-    #[inline(always)]
-    fn add_pseudorange(&mut self, design: &[f64; M], innovation: f64, weight: f64) {
-        let touches = |s: usize| s < 3 || s == BIAS || s >= OFFSETS;
-        self.add_to_position(touches, design, innovation, weight);
-        let bias = weight * design[BIAS];
-        self.bias += bias * design[BIAS];
+        self.add_velocity(rate, rate_weight);
+        let bias = weight * range[BIAS];
+        self.bias += bias * range[BIAS];
         for k in 0..M - OFFSETS {
-            let offset = design[OFFSETS + k];
+            let offset = range[OFFSETS + k];
             self.bias_offset[k] += bias * offset;
             self.offset[k] += weight * offset * offset;
         }
+        self.weighted_square +=
+            innovation * row.innovation_m + rate_innovation * row.innovation_mps;
+        self.rows = self.rows.wrapping_add(1 + u32::from(rate_weight > 0.0));
     }
 
+    /// A range rate's part of what velocity and drift know of themselves.
     #[inline(always)]
-    fn add_range_rate(&mut self, design: &[f64; M], innovation: f64, weight: f64) {
-        let touches = |s: usize| s < JOINT_NAVIGATION || s == DRIFT;
-        self.add_to_position(touches, design, innovation, weight);
-        let [x, y, z] = [3, 4, 5].map(|s| design[s]);
+    fn add_velocity(&mut self, rate: &[f64; M], weight: f64) {
+        let [x, y, z] = [3, 4, 5].map(|s| rate[s]);
         let (wx, wy, wz) = (weight * x, weight * y, weight * z);
         let entries = [wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
         for k in 0..6 {
             self.velocity[k] += entries[k];
         }
-        let drift = design[DRIFT];
+        let drift = rate[DRIFT];
         for (sum, weighted) in self.velocity_drift.iter_mut().zip([wx, wy, wz]) {
             *sum += weighted * drift;
         }
         self.drift += weight * drift * drift;
-    }
-
-    /// What a scalar measurement of some entries adds to the position's part of Λ, and to y.
-    #[inline(always)]
-    fn add_to_position(
-        &mut self,
-        touches: impl Fn(usize) -> bool,
-        design: &[f64; M],
-        innovation: f64,
-        weight: f64,
-    ) {
-        let [x, y, z] = [0, 1, 2].map(|i| weight * design[i]);
-        let weighted = weight * innovation;
-        for s in 0..M {
-            if touches(s) {
-                let [a, b, c] = self.position[s];
-                self.position[s] = [
-                    a + x * design[s],
-                    b + y * design[s],
-                    c + z * design[s],
-                ];
-                self.vector[s] += weighted * design[s];
-            }
-        }
-        self.weighted_square += weighted * innovation;
-        self.rows = self.rows.wrapping_add(1);
     }
 
     /// Becomes what two sets of satellites say together; they must not share any.

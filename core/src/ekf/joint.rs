@@ -25,6 +25,7 @@
 
 use super::information::EpochInformation;
 use super::layout::{CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET};
+use crate::linalg::block3::together;
 
 /// A pivot below this part of its diagonal entry is rounding: M sums of products of f64 carry about
 /// 1e-15 of it.
@@ -57,6 +58,24 @@ pub(super) struct Directions<const K: usize, const M: usize> {
     pub clock: [[f64; K]; M],
 }
 
+impl<const K: usize, const M: usize> Directions<K, M> {
+    /// Entry s of v_q.
+    #[inline(always)]
+    const fn entry(&mut self, q: usize, s: usize) -> &mut f64 {
+        if s < 3 {
+            &mut self.position[q][s]
+        } else if s == 3 {
+            &mut self.clock[q][CLOCK_BIAS]
+        } else if s < M - RATES {
+            &mut self.clock[q][s - 4 + FIRST_OFFSET]
+        } else if s < M - 1 {
+            &mut self.velocity[q][s + RATES - M]
+        } else {
+            &mut self.clock[q][CLOCK_DRIFT]
+        }
+    }
+}
+
 /// The scalar measurements of an update. Rows and columns in the order position, bias, offsets; velocity,
 /// drift: no entry couples a pseudorange's bias and offsets to what only range rates measure.
 #[derive(Clone, Debug)]
@@ -70,8 +89,6 @@ pub(super) struct JointWorkspace<const K: usize, const M: usize> {
     pub state: [f64; M],
     /// z_q.
     pub combination: [[f64; M]; M],
-    /// v_q.
-    direction: [[f64; M]; M],
     pub directions: Directions<K, M>,
     /// (v_pᵀ u_q)/s_p of the measurement q that is being taken.
     share: [f64; M],
@@ -92,7 +109,6 @@ impl<const K: usize, const M: usize> JointWorkspace<K, M> {
         covariance: [[0.0; M]; M],
         state: [0.0; M],
         combination: [[0.0; M]; M],
-        direction: [[0.0; M]; M],
         directions: Directions {
             position: [[0.0; 3]; M],
             velocity: [[0.0; 3]; M],
@@ -237,20 +253,20 @@ impl<const K: usize, const M: usize> JointWorkspace<K, M> {
             return;
         }
         let u = &self.design[Q];
-        let predicted = shares::<Q, M>(&self.direction, u, &self.state, &self.scalar, &mut self.share);
+        let predicted = shares::<Q, K, M>(
+            &mut self.directions,
+            u,
+            &self.state,
+            &self.scalar,
+            &mut self.share,
+        );
         combine::<Q, M>(u, &self.share, &mut self.combination);
-        let variance = direct::<Q, M>(
+        let variance = direct::<Q, K, M>(
             &self.covariance,
             &self.combination[Q],
             u,
-            &mut self.direction[Q],
+            &mut self.directions,
         );
-        let v = &self.direction[Q];
-        self.directions.position[Q] = [v[0], v[1], v[2]];
-        self.directions.velocity[Q] = [0, 1, 2].map(|axis| v[Self::velocity(axis)]);
-        for k in 0..K {
-            self.directions.clock[Q][k] = v[Self::clock(k)];
-        }
         *taken += self.scalar[Q].take(variance, predicted);
     }
 }
@@ -263,8 +279,8 @@ const fn is_coupled<const M: usize>(q: usize, s: usize) -> bool {
 
 /// (v_pᵀ u)/s_p of the measurements before; returns u_qᵀ x of the state as they have moved it.
 #[inline(never)]
-fn shares<const Q: usize, const M: usize>(
-    direction: &[[f64; M]; M],
+fn shares<const Q: usize, const K: usize, const M: usize>(
+    directions: &mut Directions<K, M>,
     u: &[f64; M],
     state: &[f64; M],
     scalar: &[Scalar; M],
@@ -277,11 +293,10 @@ fn shares<const Q: usize, const M: usize>(
         }
     }
     for p in 0..Q {
-        let v = &direction[p];
-        let mut along = v[Q];
+        let mut along = *directions.entry(p, Q);
         for s in 0..Q {
             if is_coupled::<M>(Q, s) {
-                along += v[s] * u[s];
+                along += *directions.entry(p, s) * u[s];
             }
         }
         predicted += along * scalar[p].step;
@@ -316,14 +331,15 @@ fn combine<const Q: usize, const M: usize>(
 
 /// v_q; returns u_qᵀ v_q.
 #[inline(never)]
-fn direct<const Q: usize, const M: usize>(
+fn direct<const Q: usize, const K: usize, const M: usize>(
     covariance: &[[f64; M]; M],
     z: &[f64; M],
     u: &[f64; M],
-    direction: &mut [f64; M],
+    directions: &mut Directions<K, M>,
 ) -> f64 {
     let mut v = covariance[Q];
     for p in 0..Q {
+        together();
         for s in 0..M {
             v[s] += covariance[p][s] * z[p];
         }
@@ -334,7 +350,9 @@ fn direct<const Q: usize, const M: usize>(
             variance += u[s] * v[s];
         }
     }
-    *direction = v;
+    for s in 0..M {
+        *directions.entry(Q, s) = v[s];
+    }
     variance
 }
 

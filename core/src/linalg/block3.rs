@@ -10,6 +10,13 @@
     reason = "indices are constants after unrolling; the no-panic image is the judge"
 )]
 
+/// Between two pieces of work on vectors or blocks: what each of them loads is not mixed with what the other
+/// does, so that entries side by side are loaded together, by one instruction for several. It is none itself.
+#[inline(always)]
+pub(crate) fn together() {
+    core::hint::black_box(());
+}
+
 /// A 3×3 matrix by rows.
 pub type Block = [f64; 9];
 /// The upper triangle of a symmetric 3×3 matrix by rows: 00 01 02 11 12 22.
