@@ -8,6 +8,8 @@
 //! know who made them.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -18,7 +20,7 @@ use surefix_core::config::Config;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
-use surefix_core::tight::MonitorSecondaries;
+use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
@@ -46,7 +48,7 @@ pub struct HostExecutor;
 impl Executor for HostExecutor {
     fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut monitor = new_monitor();
-        let mut secondaries = new_secondaries();
+        let mut filters = BankFilters::new();
         let mut bank = Box::new(BankReport::EMPTY);
         let mut frame = [0; native::MAX_FRAME];
         let mut rest = stream;
@@ -55,7 +57,7 @@ impl Executor for HostExecutor {
             rest = rest.get(used..).unwrap_or_default();
             match ready {
                 Some(Ready::Epoch) => {
-                    let report = monitor.process_with(&mut NoCounter, Some(&mut secondaries));
+                    let report = monitor.process_with(&mut NoCounter, Some(filters.memory()));
                     if monitor.bank_report(&mut bank) {
                         match bank.encode(&mut frame) {
                             Ok(length) => output(&frame[..length]),
@@ -87,9 +89,35 @@ pub fn new_monitor() -> Box<Monitor> {
     Box::new(Monitor::EMPTY)
 }
 
-/// Secondary filters on the heap.
-pub fn new_secondaries() -> Box<MonitorSecondaries> {
-    Box::new(MonitorSecondaries::EMPTY)
+/// The filters of a bank on the heap.
+#[derive(Debug)]
+pub struct BankFilters {
+    fast: Box<MonitorFastFilters>,
+    secondaries: Box<MonitorSecondaries>,
+}
+
+impl BankFilters {
+    /// For one monitor.
+    pub fn new() -> Self {
+        Self {
+            fast: Box::new(MonitorFastFilters::EMPTY),
+            secondaries: Box::new(MonitorSecondaries::EMPTY),
+        }
+    }
+
+    /// As a monitor takes them.
+    pub fn memory(&mut self) -> BankMemory<'_> {
+        BankMemory {
+            fast: &mut self.fast,
+            secondaries: &mut self.secondaries,
+        }
+    }
+}
+
+impl Default for BankFilters {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// Puts a monitor's output together from pieces of any size.
@@ -98,8 +126,10 @@ pub struct OutputReader {
     pending: Vec<u8>,
     /// Reports, in order.
     pub reports: Vec<EpochReport>,
-    /// What the bank of filters found, in the epochs in which it ran.
-    pub banks: Vec<BankReport>,
+    /// What the bank of filters found, for each report; `None` where it did not run.
+    pub banks: Vec<Option<Box<BankReport>>>,
+    /// Of the epoch whose report comes next.
+    bank: Option<Box<BankReport>>,
     /// What the monitor counted, when it has said so.
     pub counters: Option<Counters>,
     /// Frames that could not be read, and bytes between frames.
@@ -117,10 +147,10 @@ impl OutputReader {
                 Ok((frame, length)) => {
                     let understood = match frame.kind() {
                         Some(Kind::Report) => report::decode(frame.payload())
-                            .map(|report| self.reports.push(report))
-                            .is_ok(),
+                            .map(|report| self.take(report))
+                            .is_ok_and(|it_fits| it_fits),
                         Some(Kind::Bank) => BankReport::decode(frame.payload())
-                            .map(|bank| self.banks.push(bank))
+                            .map(|bank| self.bank = Some(Box::new(bank)))
                             .is_ok(),
                         Some(Kind::Counters) => Counters::decode(frame.payload())
                             .map(|counters| self.counters = Some(counters))
@@ -140,6 +170,15 @@ impl OutputReader {
             }
         }
         self.pending.drain(..start);
+    }
+
+    /// Takes a report with what the bank found before it; tells whether the two are of one epoch.
+    fn take(&mut self, report: EpochReport) -> bool {
+        let bank = self.bank.take();
+        let it_fits = bank.as_ref().is_none_or(|bank| bank.time == report.time);
+        self.banks.push(bank.filter(|_| it_fits));
+        self.reports.push(report);
+        it_fits
     }
 }
 
@@ -211,6 +250,8 @@ impl ReplayOptions {
 pub struct ReplayResult {
     /// One report per epoch.
     pub reports: Vec<EpochReport>,
+    /// What the bank of filters found at each, where it ran.
+    pub banks: Vec<Option<Box<BankReport>>>,
     /// Error of each, east, north, up, m.
     pub errors_enu_m: Vec<Option<[f64; 3]>>,
     /// Everything that can be said in short.
@@ -371,6 +412,7 @@ pub fn run(
     let summary = output::summarize(&reader.reports, &errors_enu_m, truth.as_ref());
     Ok(ReplayResult {
         reports: reader.reports,
+        banks: reader.banks,
         errors_enu_m,
         summary,
         info,
@@ -452,7 +494,12 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         let path = directory.join(name);
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
-    put("epochs.csv", output::epochs_csv(&result.reports))?;
+    let path = directory.join("epochs.csv");
+    let cannot = || format!("cannot write {}", path.display());
+    let mut file = BufWriter::new(File::create(&path).with_context(cannot)?);
+    output::write_epochs(&mut file, &result.reports, &result.banks)
+        .and_then(|()| file.flush())
+        .with_context(cannot)?;
     if result.summary.truth.is_some() {
         put(
             "errors.csv",
