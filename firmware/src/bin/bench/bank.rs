@@ -1,7 +1,11 @@
 //! What is measured of the bank: a whole epoch of all its filters, the main one included, with the tests
 //! and levels; usual ones, and those with births, held satellites, a failed test and an exclusion.
 
+use super::dense::{self, PlainRow};
+use super::dense_bank::{self, DenseBank};
+use super::filter::{dense_covariance, dense_noise, dense_row, dense_transition};
 use super::measure::{Of, Pass, Row, pass, require};
+use super::risk;
 use super::sky::{self, Random};
 use core::hint::black_box;
 use static_cell::ConstStaticCell;
@@ -14,7 +18,7 @@ use surefix_core::frames::geodesy;
 use surefix_core::gnss::{CorrectedMeasurement, Satellite, System};
 use surefix_core::linalg::block3::Symmetric;
 use surefix_core::mhss::{
-    Bank, BankEpoch, BankRow, BankVerdict, Criterion, MAX_BANK, Secondaries, SeparationQuantiles,
+    Bank, BankEpoch, BankRow, BankVerdict, CorrelatedBound, Criterion, MAX_BANK, Secondaries, SeparationQuantiles,
     SubFilters,
 };
 use surefix_core::time::NS_PER_S;
@@ -23,6 +27,10 @@ use surefix_core::time::NS_PER_S;
 const SATELLITES: [usize; 5] = [6, 8, 12, 16, 24];
 /// Satellites of the rows with the monitor's four clocks.
 const MONITOR_SATELLITES: [usize; 2] = [12, 24];
+/// Satellites of the textbook's bank.
+const PEER_SATELLITES: [usize; 2] = [6, dense_bank::MAX];
+/// Epochs of it per row.
+const PEER_RUNS: usize = 5;
 /// Usual epochs per row: more than half of all, so that the median is one of them.
 const USUAL: usize = 8;
 /// Distance to a satellite, m.
@@ -32,9 +40,9 @@ const FAULT_M: f64 = 1e4;
 
 /// A bank with all its filters, and the epoch it is fed with.
 pub struct Memory<const K: usize, const M: usize> {
-    bank: Bank<K, M>,
-    main: Filter<K, M>,
-    sub: SubFilters<K, M>,
+    pub bank: Bank<K, M>,
+    pub main: Filter<K, M>,
+    pub sub: SubFilters<K, M>,
     secondaries: Secondaries<K, M>,
     information: EpochInformation<M>,
     predict_workspace: PredictWorkspace,
@@ -79,6 +87,7 @@ pub struct Shared<'a> {
 static TWO_CLOCKS: ConstStaticCell<Memory<2, 8>> = ConstStaticCell::new(Memory::EMPTY);
 static THREE_CLOCKS: ConstStaticCell<Memory<3, 9>> = ConstStaticCell::new(Memory::EMPTY);
 static FOUR_CLOCKS: ConstStaticCell<Memory<4, 10>> = ConstStaticCell::new(Memory::EMPTY);
+static DENSE: ConstStaticCell<DenseBank> = ConstStaticCell::new(DenseBank::EMPTY);
 
 /// Measures the banks and prints their rows.
 #[inline(never)]
@@ -103,14 +112,19 @@ pub fn all(transition: &Transition) {
     };
     let mut random = Random::new(6);
     let (two, three, four) = (TWO_CLOCKS.take(), THREE_CLOCKS.take(), FOUR_CLOCKS.take());
+    let bound = risk::bound();
     for n in SATELLITES {
-        two.rows(&mut random, &shared, n);
+        two.rows(&mut random, &shared, bound, n);
     }
     for n in SATELLITES {
-        three.rows(&mut random, &shared, n);
+        three.rows(&mut random, &shared, bound, n);
     }
     for n in MONITOR_SATELLITES {
-        four.rows(&mut random, &shared, n);
+        four.rows(&mut random, &shared, bound, n);
+    }
+    let dense = DENSE.take();
+    for n in PEER_SATELLITES {
+        peer(&mut random, &shared, two, dense, n);
     }
 }
 
@@ -131,7 +145,13 @@ impl<const K: usize, const M: usize> Memory<K, M> {
 
     /// All rows with `n` satellites.
     #[inline(never)]
-    fn rows(&mut self, random: &mut Random, shared: &Shared<'_>, n: usize) {
+    fn rows(
+        &mut self,
+        random: &mut Random,
+        shared: &Shared<'_>,
+        bound: &mut CorrelatedBound,
+        n: usize,
+    ) {
         let filters = 1 + n + n * (n - 1) / 2;
         let of = Of {
             n_sats: Some(n),
@@ -163,6 +183,7 @@ impl<const K: usize, const M: usize> Memory<K, M> {
             require(!verdict.detected, "a usual epoch has a fault");
             total.add(pass);
         }
+        self.risk_rows(shared, bound, &of);
         let (pass, _) = self.measured(random, shared, n / 2, None);
         also(&mut held, &mut total, pass);
         let (pass, _) = self.measured(random, shared, 0, None);
@@ -304,4 +325,67 @@ impl<const K: usize, const M: usize> Memory<K, M> {
                     })
             })
     }
+}
+
+/// The same epochs through the bank of dense filters, which must come to the same.
+fn peer(
+    random: &mut Random,
+    shared: &Shared<'_>,
+    ours: &mut Memory<2, 8>,
+    dense: &mut DenseBank,
+    n: usize,
+) {
+    let Criterion {
+        quantiles, c_enu_e, ..
+    } = shared.criterion;
+    ours.begin(random, shared);
+    dense.start(
+        &dense_transition(shared.transition),
+        &dense_noise(shared.transition, &mut ours.predict_workspace),
+        &dense_covariance(&ours.main),
+    );
+    let mut row = Row::new();
+    for _ in 0..PEER_RUNS {
+        let (_, verdict) = ours.measured(random, shared, n, None);
+        for (index, BankRow { row, .. }) in ours.rows.iter().take(n).enumerate() {
+            let scalar = |design: &[f64; 8], innovation: f64, weight: f64| PlainRow {
+                design: dense_row(design),
+                innovation,
+                variance: 1.0 / weight,
+            };
+            dense.set_rows(
+                index,
+                [
+                    scalar(&row.pseudorange, row.innovation_m, row.weight),
+                    scalar(&row.range_rate, row.innovation_mps, row.range_rate_weight),
+                ],
+            );
+        }
+        let mut levels_m = [0.0; 2];
+        row.run(|| {
+            let quantiles = [quantiles.detection(n), quantiles.missed()];
+            levels_m = dense.epoch(black_box(n), black_box(c_enu_e), quantiles);
+        });
+        let satellite = |index: usize| ours.rows[index].satellite;
+        let pair = ours
+            .bank
+            .secondary([satellite(n - 2), satellite(n - 1)], &ours.secondaries);
+        let agree = dense.main().agrees_with(&dense_covariance(&ours.main))
+            && pair.is_some_and(|pair| dense.last_pair(n).agrees_with(&dense_covariance(pair)))
+            && levels_m
+                .iter()
+                .zip(verdict.level_m)
+                .all(|(theirs, ours)| libm::fabs(theirs - ours) < 1e-6 * ours);
+        require(agree, "the banks disagree");
+    }
+    let filters = 1 + n + n * (n - 1) / 2;
+    row.print_of(
+        "peer/dense_bank",
+        &Of {
+            n_sats: Some(n),
+            n_states: Some(dense::STATES),
+            filters: Some(filters),
+            ram_b: Some(filters * size_of::<dense::PlainFilter>()),
+        },
+    );
 }

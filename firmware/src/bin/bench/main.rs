@@ -17,6 +17,8 @@ mod bank;
 #[cfg(target_os = "none")]
 mod dense;
 #[cfg(target_os = "none")]
+mod dense_bank;
+#[cfg(target_os = "none")]
 mod filter;
 #[cfg(target_os = "none")]
 mod inertial;
@@ -24,6 +26,8 @@ mod inertial;
 mod measure;
 #[cfg(target_os = "none")]
 mod messages;
+#[cfg(target_os = "none")]
+mod risk;
 #[cfg(target_os = "none")]
 mod sky;
 #[cfg(target_os = "none")]
