@@ -4,10 +4,11 @@ use anyhow::Result;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha20Rng;
 use rand_chacha::rand_core::SeedableRng;
-use surefix_core::gnss::{Satellite, SatelliteSet, System};
+use surefix_core::gnss::{Satellite, System};
 use surefix_core::ins::InitialState;
 use surefix_core::ins::mechanisation::Increment;
 use surefix_core::mhss::BankVerdict;
+use surefix_core::mhss::bank::Explanation;
 
 use super::errors::{CommonFault, Errors, NoiseModel};
 use super::flown::{Flown, Seen};
@@ -58,7 +59,7 @@ pub struct Scored {
     /// Whether a test failed, by false-alert probability.
     pub detected: Vec<bool>,
     /// What was excluded at this epoch.
-    pub excluded: Option<Satellite>,
+    pub excluded: Option<Explanation>,
     /// All verdicts.
     pub verdicts: Vec<BankVerdict>,
 }
@@ -184,12 +185,14 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// The names of satellites, joined by `+`, or `-`.
-pub fn names(satellites: &SatelliteSet) -> String {
-    let names: Vec<String> = satellites.iter().map(|s| s.to_string()).collect();
-    if names.is_empty() {
-        "-".into()
-    } else {
-        names.join("+")
+/// The satellites an explanation leaves out, of those used.
+pub fn left_out(explanation: Explanation, used: &[Satellite]) -> Vec<Satellite> {
+    match explanation {
+        Explanation::One(satellite) => vec![satellite],
+        Explanation::Two(two) => two.to_vec(),
+        Explanation::Constellation(system) => {
+            let of_it = used.iter().filter(|s| s.system() == system);
+            of_it.copied().collect()
+        }
     }
 }
