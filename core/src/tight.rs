@@ -25,21 +25,23 @@ use crate::ins::mechanisation::Increment;
 use crate::ins::{
     AttitudeStart, ImuSample, InertialConfig, InertialConfigError, InitialState, ReferenceModel,
 };
-use crate::integrity::InertialStatus;
+use crate::integrity::{InertialStatus, PhaseRequirements};
 use crate::mhss::bank::{Bank, BankRow, BankVerdict, Secondaries, SubFilters};
 use crate::mhss::separation::SeparationQuantiles;
 use crate::report::Navigation;
 use crate::snapshot::Assessment;
-use crate::stats::{StatsError, normal};
+use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
 mod clocks;
 mod jump;
+mod recording;
 mod scenario;
 mod solution;
 mod start;
 
 use clocks::offset_of;
+use recording::RecordingBank;
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
 pub const CLOCKS: usize = 4;
@@ -183,6 +185,7 @@ pub struct TightMonitor {
     rows: Vec<BankRow<JOINT>, MAX_SATELLITES>,
     quantiles: SeparationQuantiles,
     bank_verdict: Option<(GpsTime, BankVerdict)>,
+    recording: RecordingBank,
     /// Epochs in a row that came too late for the filter.
     late: u8,
     /// Attitude when tight mode ended, and when that was.
@@ -218,6 +221,7 @@ impl TightMonitor {
         rows: Vec::new(),
         quantiles: SeparationQuantiles::EMPTY,
         bank_verdict: None,
+        recording: RecordingBank::EMPTY,
         late: 0,
         last_attitude: None,
         counted: None,
@@ -227,18 +231,19 @@ impl TightMonitor {
         remembered: None,
     };
 
-    /// An inertial unit is there. `p_fault_free` is the fault-free integrity risk per sample.
+    /// An inertial unit is there, in a phase of flight with these requirements.
     ///
     /// # Errors
     /// [`TightConfigureError`]; tight mode then stays as it was.
     pub fn configure(
         &mut self,
         inertial: &InertialConfig,
-        p_fault_free: f64,
+        requirements: &PhaseRequirements,
     ) -> Result<(), TightConfigureError> {
         inertial.check().map_err(TightConfigureError::Config)?;
         if self.reference.is_none() {
-            self.set_fault_free(p_fault_free)?;
+            self.allocate(requirements)
+                .map_err(TightConfigureError::Stats)?;
         }
         self.intake.configure(inertial);
         self.alignment.configure(&inertial.start);
@@ -250,12 +255,6 @@ impl TightMonitor {
         self.remembered = None;
         self.config = Some(*inertial);
         self.status = InertialStatus::NoSample;
-        Ok(())
-    }
-
-    fn set_fault_free(&mut self, p_fault_free: f64) -> Result<(), TightConfigureError> {
-        self.k_fault_free =
-            normal::upper_quantile(0.5 * p_fault_free).map_err(TightConfigureError::Stats)?;
         Ok(())
     }
 
@@ -331,6 +330,7 @@ impl TightMonitor {
         self.diverged = 0;
         self.bank.clear();
         self.bank_verdict = None;
+        self.recording.start();
         self.late = 0;
         self.remembered = None;
         if self.navigator.start(config, state).is_ok() {
@@ -369,7 +369,7 @@ impl TightMonitor {
             self.corrected
                 .scale_sigmas(factors.pseudorange, factors.range_rate);
         }
-        self.prepare_clocks(&mut at, tested);
+        let _ = self.prepare_clocks(&mut at, tested);
         self.finish(&at)
     }
 

@@ -17,6 +17,7 @@ pub mod scenario;
 pub mod settings;
 pub mod simulate;
 pub mod source;
+pub mod static_imu;
 pub mod track;
 pub mod truth;
 

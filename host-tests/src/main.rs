@@ -12,6 +12,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
+use surefix_host_tests::static_imu::{self, triple};
 use surefix_host_tests::truth::Truth;
 use surefix_host_tests::{araim, campaign, hybrid, output, report, scenario, simulate};
 
@@ -36,6 +37,8 @@ enum Command {
     Simulate(simulate::Command),
     /// A recorded inertial unit and the receiver its antenna's track would have had, under real orbits
     Hybrid(hybrid::Args),
+    /// Samples of an inertial unit at rest beside the fixed antenna of a recording, and its settings
+    StaticImu(static_imu::Args),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     /// One self-contained HTML page of a replay
@@ -102,22 +105,6 @@ enum Print {
     Changes,
     /// Each
     Epochs,
-}
-
-fn triple(name: &str, text: &str) -> Result<[f64; 3]> {
-    let numbers: Option<Vec<f64>> = text
-        .split(',')
-        .map(|part| {
-            part.trim()
-                .parse()
-                .ok()
-                .filter(|value: &f64| value.is_finite())
-        })
-        .collect();
-    match numbers.as_deref() {
-        Some(&[a, b, c]) => Ok([a, b, c]),
-        _ => bail!("{name} \"{text}\" is not three numbers separated by commas"),
-    }
 }
 
 impl ReplayArguments {
@@ -296,6 +283,7 @@ fn main() -> ExitCode {
         }),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Hybrid(arguments) => hybrid::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::StaticImu(arguments) => static_imu::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };

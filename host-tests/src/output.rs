@@ -4,8 +4,11 @@
 //! or a board ran it; errors against the truth go to `errors.csv`. Numbers are printed in their
 //! shortest form that reads back exactly.
 
+mod bank;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::io;
 
 use serde::Serialize;
 use surefix_core::gnss::measurement::SatelliteReason;
@@ -16,7 +19,9 @@ use surefix_core::time::NS_PER_S;
 
 use crate::truth::Truth;
 
-/// Columns of `epochs.csv`: those of the contract, then more.
+pub use bank::{BankColumns, Banks};
+
+/// Columns of `epochs.csv`: those of the contract, then more; those of the bank follow ([`BankColumns`]).
 pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\
 n_sats,mode,integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold,\
 n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags,unused,\
@@ -156,16 +161,35 @@ pub fn epoch_line(report: &EpochReport) -> String {
     line
 }
 
-/// `epochs.csv`.
-pub fn epochs_csv(reports: &[EpochReport]) -> String {
-    let mut text = String::with_capacity(256 * (reports.len() + 1));
-    text.push_str(EPOCH_COLUMNS);
-    text.push('\n');
-    for report in reports {
-        text.push_str(&epoch_row(report));
-        text.push('\n');
+/// Writes `epochs.csv` row by row: a day with the columns of a bank is larger than its reports.
+///
+/// # Errors
+/// When `out` cannot be written to.
+pub fn write_epochs(
+    out: &mut impl io::Write,
+    reports: &[EpochReport],
+    banks: &Banks,
+) -> io::Result<()> {
+    let columns = BankColumns::new(banks);
+    writeln!(out, "{EPOCH_COLUMNS}{}", columns.header())?;
+    for (k, report) in reports.iter().enumerate() {
+        let mut line = epoch_row(report);
+        columns.row(
+            &mut line,
+            report,
+            banks.get(k).and_then(|bank| bank.as_deref()),
+        );
+        writeln!(out, "{line}")?;
     }
-    text
+    Ok(())
+}
+
+/// `epochs.csv` in memory, to compare.
+pub fn epochs_csv(reports: &[EpochReport], banks: &Banks) -> String {
+    let mut bytes = Vec::new();
+    // A vector takes everything, and numbers and names are ASCII.
+    let _ = write_epochs(&mut bytes, reports, banks);
+    String::from_utf8_lossy(&bytes).into_owned()
 }
 
 /// Error east, north, up of each epoch that has a position and a truth, m.
@@ -444,9 +468,8 @@ mod tests {
     use surefix_core::report::Navigation;
     use surefix_core::time::GpsTime;
 
-    #[test]
-    fn a_row_has_a_field_for_every_column_and_numbers_that_read_back_exactly() {
-        let mut report = EpochReport {
+    pub(super) fn no_position() -> EpochReport {
+        EpochReport {
             time: GpsTime::from_week_tow_s(2010, 100),
             since_first_ns: 0,
             mode: Mode::None,
@@ -458,7 +481,12 @@ mod tests {
             flags: ReportFlags::default(),
             navigation: None,
             inertial: InertialStatus::Off,
-        };
+        }
+    }
+
+    #[test]
+    fn a_row_has_a_field_for_every_column_and_numbers_that_read_back_exactly() {
+        let mut report = no_position();
         let value = |row: &str, name: &str| {
             let place = EPOCH_COLUMNS.split(',').position(|column| column == name);
             row.split(',').nth(place.unwrap()).unwrap().to_owned()

@@ -8,6 +8,8 @@
 //! know who made them.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -124,8 +126,10 @@ pub struct OutputReader {
     pending: Vec<u8>,
     /// Reports, in order.
     pub reports: Vec<EpochReport>,
-    /// What the bank of filters found, in the epochs in which it ran.
-    pub banks: Vec<BankReport>,
+    /// What the bank of filters found, for each report; `None` where it did not run.
+    pub banks: Vec<Option<Box<BankReport>>>,
+    /// Of the epoch whose report comes next.
+    bank: Option<Box<BankReport>>,
     /// What the monitor counted, when it has said so.
     pub counters: Option<Counters>,
     /// Frames that could not be read, and bytes between frames.
@@ -143,10 +147,10 @@ impl OutputReader {
                 Ok((frame, length)) => {
                     let understood = match frame.kind() {
                         Some(Kind::Report) => report::decode(frame.payload())
-                            .map(|report| self.reports.push(report))
-                            .is_ok(),
+                            .map(|report| self.take(report))
+                            .is_ok_and(|it_fits| it_fits),
                         Some(Kind::Bank) => BankReport::decode(frame.payload())
-                            .map(|bank| self.banks.push(bank))
+                            .map(|bank| self.bank = Some(Box::new(bank)))
                             .is_ok(),
                         Some(Kind::Counters) => Counters::decode(frame.payload())
                             .map(|counters| self.counters = Some(counters))
@@ -166,6 +170,15 @@ impl OutputReader {
             }
         }
         self.pending.drain(..start);
+    }
+
+    /// Takes a report with what the bank found before it; tells whether the two are of one epoch.
+    fn take(&mut self, report: EpochReport) -> bool {
+        let bank = self.bank.take();
+        let it_fits = bank.as_ref().is_none_or(|bank| bank.time == report.time);
+        self.banks.push(bank.filter(|_| it_fits));
+        self.reports.push(report);
+        it_fits
     }
 }
 
@@ -237,6 +250,8 @@ impl ReplayOptions {
 pub struct ReplayResult {
     /// One report per epoch.
     pub reports: Vec<EpochReport>,
+    /// What the bank of filters found at each, where it ran.
+    pub banks: Vec<Option<Box<BankReport>>>,
     /// Error of each, east, north, up, m.
     pub errors_enu_m: Vec<Option<[f64; 3]>>,
     /// Everything that can be said in short.
@@ -397,6 +412,7 @@ pub fn run(
     let summary = output::summarize(&reader.reports, &errors_enu_m, truth.as_ref());
     Ok(ReplayResult {
         reports: reader.reports,
+        banks: reader.banks,
         errors_enu_m,
         summary,
         info,
@@ -478,7 +494,12 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         let path = directory.join(name);
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
-    put("epochs.csv", output::epochs_csv(&result.reports))?;
+    let path = directory.join("epochs.csv");
+    let cannot = || format!("cannot write {}", path.display());
+    let mut file = BufWriter::new(File::create(&path).with_context(cannot)?);
+    output::write_epochs(&mut file, &result.reports, &result.banks)
+        .and_then(|()| file.flush())
+        .with_context(cannot)?;
     if result.summary.truth.is_some() {
         put(
             "errors.csv",

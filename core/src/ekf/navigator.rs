@@ -197,9 +197,10 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     }
 
     /// Notes that samples were missing: the nominal is less certain by this much, one sigma per axis.
+    /// All filters that share the transition of this epoch are.
     pub fn add_uncertainty(&mut self, attitude_rad: f64, velocity_mps: f64) {
-        self.filter.widen_block(ATTITUDE, &equal(attitude_rad));
-        self.filter.widen_block(VELOCITY, &equal(velocity_mps));
+        self.process.add_noise(ATTITUDE, &equal(attitude_rad));
+        self.process.add_noise(VELOCITY, &equal(velocity_mps));
     }
 
     /// All times so far were wrong by this much, ns, as when the week becomes known.

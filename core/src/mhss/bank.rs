@@ -29,6 +29,7 @@ mod constellations;
 mod isolation;
 mod places;
 
+pub(crate) use isolation::residual;
 pub use isolation::{Explanation, PostfitLimits};
 
 /// Most satellites in the bank.

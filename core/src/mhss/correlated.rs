@@ -235,14 +235,27 @@ impl CorrelatedBound {
         }
     }
 
+    /// Two satellites are excluded: the filter without both is the main one, and all others begin as copies of it.
+    pub fn exclude_two(&mut self, one: usize, other: usize) {
+        let base = match self.pair_variances(one, other) {
+            Some((own, _)) => own.map(root),
+            None => maximum(self.sigmas(one), self.sigmas(other)),
+        };
+        self.begin_all(base);
+    }
+
+    fn begin_all(&mut self, base: Sigmas) {
+        self.main = base;
+        self.sub = [base; MAX_BANK];
+        self.separation = [[0.0; 2]; MAX_BANK];
+        self.constellation = [base; MAX_CLOCKS];
+        self.constellation_separation = [[0.0; 2]; MAX_CLOCKS];
+    }
+
     /// A constellation is excluded: its filter is the main one, and all others begin as copies of it.
     pub fn exclude_constellation(&mut self, constellation: usize) {
         if let Some(base) = self.constellation.get(constellation).copied() {
-            self.main = base;
-            self.sub = [base; MAX_BANK];
-            self.separation = [[0.0; 2]; MAX_BANK];
-            self.constellation = [base; MAX_CLOCKS];
-            self.constellation_separation = [[0.0; 2]; MAX_CLOCKS];
+            self.begin_all(base);
         }
     }
 

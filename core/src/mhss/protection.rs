@@ -81,6 +81,53 @@ pub struct RiskBudget {
     pub p_integrity: [f64; 2],
     /// Independent samples of noise in the exposure, at least 1.
     pub samples: f64,
+    /// Part of the risk without a filter that each axis is charged: all where one axis counts, half of it
+    /// where both do.
+    pub unmonitored_share: f64,
+}
+
+/// Part of the false alerts that the snapshot's opinion may raise; the rest is the bank's.
+pub const SNAPSHOT_FALSE_ALERT_SHARE: f64 = 0.5;
+/// Statistics of the bank this far apart are counted as independent, s. They remember for the time constant of
+/// the filters, some ten seconds and more, at any rate of epochs.
+pub const INDEPENDENT_STATISTIC_S: f64 = 10.0;
+/// Position errors this far apart are counted as independent, s: the errors of pseudoranges last for minutes
+/// to hours (docs/decisions/008-correlated-noise.md).
+pub const INDEPENDENT_ERROR_S: f64 = 150.0;
+
+/// The bank's share of the risks of a phase of flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BankAllocation {
+    /// False-alert probability of all tests of one axis at one epoch.
+    pub p_false_alert: f64,
+    /// What the levels may spend.
+    pub budget: RiskBudget,
+}
+
+impl BankAllocation {
+    /// Splits what may happen in an exposure of `exposure_s`: false alerts between the two opinions, the
+    /// independent samples and the two axes; integrity risk between the axes where both have a limit.
+    pub fn new(
+        exposure_s: f64,
+        p_integrity: f64,
+        p_false_alert: f64,
+        both_axes_have_limits: bool,
+    ) -> Self {
+        let samples = |apart_s: f64| {
+            let samples = exposure_s / apart_s;
+            if samples > 1.0 { samples } else { 1.0 }
+        };
+        let axis_share = if both_axes_have_limits { 0.5 } else { 1.0 };
+        Self {
+            p_false_alert: p_false_alert * (1.0 - SNAPSHOT_FALSE_ALERT_SHARE) * 0.5
+                / samples(INDEPENDENT_STATISTIC_S),
+            budget: RiskBudget {
+                p_integrity: [p_integrity * axis_share; 2],
+                samples: samples(INDEPENDENT_ERROR_S),
+                unmonitored_share: axis_share,
+            },
+        }
+    }
 }
 
 /// One hypothesis that has a filter.
@@ -120,6 +167,7 @@ pub fn levels<'a, I: Iterator<Item = Hypothesis<'a>>>(
         }
         LevelForm::Budget(budget) => {
             let [p_horizontal, p_vertical] = budget.p_integrity;
+            let charged = p_unmonitored * budget.unmonitored_share;
             let [sigma_h, sigma_v] = sigma_m;
             let of_axis = |axis: usize| {
                 hypotheses().map(move |hypothesis| {
@@ -133,13 +181,13 @@ pub fn levels<'a, I: Iterator<Item = Hypothesis<'a>>>(
             };
             [
                 solve(
-                    (p_horizontal - p_unmonitored) / budget.samples,
+                    (p_horizontal - charged) / budget.samples,
                     sigma_h,
                     || of_axis(0),
                     horizontal_tail,
                 ),
                 solve(
-                    (p_vertical - p_unmonitored) / budget.samples,
+                    (p_vertical - charged) / budget.samples,
                     sigma_v,
                     || of_axis(1),
                     vertical_tail,
@@ -244,6 +292,7 @@ mod tests {
         LevelForm::Budget(RiskBudget {
             p_integrity: [p; 2],
             samples,
+            unmonitored_share: 1.0,
         })
     }
 

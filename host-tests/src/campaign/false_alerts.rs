@@ -52,9 +52,6 @@ pub struct Case {
 /// Correlation times of first-order Gauss-Markov noise, s.
 pub const TAUS_S: [f64; 4] = [10.0, 30.0, 100.0, 3600.0];
 
-/// White share of the variance where the bank bounds the rest.
-pub const WHITE_SHARE: f64 = 0.06;
-
 /// What a trial flies: white as white first.
 pub fn cases() -> Vec<Case> {
     let slow = TAUS_S
@@ -65,16 +62,11 @@ pub fn cases() -> Vec<Case> {
         noise: NoiseModel::correlated(correlation),
         bank: BankModel::White,
     });
-    let bounded = core::iter::once(Correlation::White)
-        .chain(slow)
-        .map(|correlation| Case {
-            noise: NoiseModel {
-                white_share: WHITE_SHARE,
-                correlation,
-            },
-            bank: BankModel::Bounded {
-                white_share: WHITE_SHARE,
-            },
+    let bounded = core::iter::once(NoiseModel::WHITE)
+        .chain(slow.map(NoiseModel::correlated))
+        .map(|noise| Case {
+            noise,
+            bank: BankModel::PRODUCT,
         });
     let inflated = TAUS_S[..3].iter().map(|tau_s| Case {
         noise: NoiseModel::correlated(Correlation::GaussMarkov(*tau_s)),

@@ -19,8 +19,7 @@ use surefix_core::ins::{
 use surefix_core::mhss::bank::{Explanation, PostfitLimits};
 use surefix_core::mhss::correlated::{CorrelatedBound, CorrelatedRow};
 use surefix_core::mhss::{
-    Bank, BankEpoch, BankRow, BankVerdict, Criterion, MAX_BANK, Secondaries, SeparationQuantiles,
-    SubFilters,
+    Bank, BankEpoch, BankRow, BankVerdict, Criterion, Secondaries, SeparationQuantiles, SubFilters,
 };
 use surefix_core::time::{GpsTime, NS_PER_S};
 
@@ -29,6 +28,10 @@ use crate::simulate::inertial::sensors::Grade;
 
 /// First sigma of the clock offset of a further constellation, m.
 const SIGMA_OFFSET_M: f64 = 3000.0;
+
+/// How long all filters hold the same after two satellites or a constellation were excluded, ns: as the
+/// product has it.
+const BLIND_NS: i64 = 120 * NS_PER_S;
 
 /// Probability that the residuals of rows without a fault do not fit.
 const P_POSTFIT: f64 = 1e-3;
@@ -45,22 +48,29 @@ pub enum BankModel {
         /// Correlation time assumed, s.
         tau_s: f64,
     },
-    /// White for this share of the variance, and for the rest correlated over any time: core's
-    /// [`CorrelatedBound`].
+    /// A white part, and one that is correlated over any time: core's [`CorrelatedBound`].
     Bounded {
-        /// White share of the variance.
-        white_share: f64,
+        /// Variance taken for white, over that of the sigma given.
+        white: f64,
+        /// Variance taken for correlated, over the same.
+        correlated: f64,
     },
 }
 
 impl BankModel {
+    /// What the product takes them for: the whole variance both white and correlated.
+    pub const PRODUCT: Self = Self::Bounded {
+        white: 1.0,
+        correlated: 1.0,
+    };
+
     /// For tables.
     pub fn name(self) -> String {
         match self {
             Self::White => "white".into(),
             Self::Inflated { tau_s } => format!("R (1 + 2 {tau_s} s/1 s)"),
-            Self::Bounded { white_share } => {
-                format!("{:.0} % white, the rest bounded", 100.0 * white_share)
+            Self::Bounded { white, correlated } => {
+                format!("white {white} σ², bounded {correlated} σ²")
             }
         }
     }
@@ -70,7 +80,7 @@ impl BankModel {
         match self {
             Self::White => 1.0,
             Self::Inflated { tau_s } => libm::sqrt(1.0 + 2.0 * tau_s),
-            Self::Bounded { white_share } => libm::sqrt(white_share),
+            Self::Bounded { white, .. } => libm::sqrt(white),
         }
     }
 
@@ -78,7 +88,7 @@ impl BankModel {
     fn ratio(self) -> Option<f64> {
         match self {
             Self::White | Self::Inflated { .. } => None,
-            Self::Bounded { white_share } => Some((1.0 - white_share) / white_share),
+            Self::Bounded { white, correlated } => Some(correlated / white),
         }
     }
 }
@@ -188,6 +198,8 @@ pub struct RigEpoch {
     pub verdicts: Vec<BankVerdict>,
     /// Excluded at this epoch.
     pub excluded: Option<Explanation>,
+    /// All filters are copies since an exclusion: no separation tests anything.
+    pub blind: bool,
     /// Where the antenna is believed to be, after it.
     pub r_e_m: [f64; 3],
 }
@@ -203,6 +215,7 @@ pub struct Rig<const K: usize, const M: usize> {
     quantiles: Vec<SeparationQuantiles>,
     limits: PostfitLimits,
     setup: Option<RigSetup>,
+    blind_since: Option<GpsTime>,
 }
 
 /// The clock column of a constellation: GPS has none of its own.
@@ -234,6 +247,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             quantiles: Vec::new(),
             limits: PostfitLimits::EMPTY,
             setup: None,
+            blind_since: None,
         }
     }
 
@@ -265,6 +279,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             self.navigator.reset_clock(column, 0.0, SIGMA_OFFSET_M);
         }
         self.bank.clear();
+        self.blind_since = None;
         Ok(())
     }
 
@@ -288,6 +303,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             quantiles,
             limits,
             setup,
+            blind_since,
         } = self;
         let setup = setup.as_ref().context("the rig is not started")?;
         let at = navigator.predict(time);
@@ -319,7 +335,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         }
         let is_bounded = setup.model.ratio().is_some();
         if is_bounded {
-            solve(bound, bank, &[], &c_enu_e);
+            solve(bound, bank, &c_enu_e);
         }
         // The first comes last: what the bank keeps of the tests is of the one that is acted on. The bound
         // goes on by each assessment; only the last counts.
@@ -346,7 +362,10 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         }
         let excluded = excluded.filter(|_| setup.exclude);
         if let Some(explanation) = excluded {
-            leave_out(explanation, bound, bank, &c_enu_e);
+            if !matches!(explanation, Explanation::One(_)) {
+                *blind_since = Some(time);
+            }
+            leave_out(explanation, bound, bank);
             match explanation {
                 Explanation::One(satellite) => bank.exclude(satellite, main, sub, secondaries),
                 Explanation::Two(two) => bank.exclude_two(two, main, sub, secondaries),
@@ -363,6 +382,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         Ok(RigEpoch {
             verdicts,
             excluded,
+            blind: blind_since.is_some_and(|since| time.ns() - since.ns() < BLIND_NS),
             r_e_m: navigator.antenna(time).r_e_m,
         })
     }
@@ -390,15 +410,13 @@ fn rows<const K: usize, const M: usize>(
     measured.iter().filter_map(row).collect()
 }
 
-/// The least squares of the satellites present, but for some.
+/// The least squares of the satellites present.
 fn solve<const K: usize, const M: usize>(
     bound: &mut CorrelatedBound,
     bank: &Bank<K, M>,
-    but: &[Satellite],
     c_enu_e: &Matrix3<f64>,
 ) {
-    let rows = bank.present().filter(|(_, s, _)| !but.contains(s));
-    let rows = rows.map(|(place, satellite, row)| CorrelatedRow {
+    let rows = bank.present().map(|(place, satellite, row)| CorrelatedRow {
         place,
         constellation: satellite.system().index(),
         row,
@@ -412,12 +430,8 @@ fn leave_out<const K: usize, const M: usize>(
     explanation: Explanation,
     bound: &mut CorrelatedBound,
     bank: &Bank<K, M>,
-    c_enu_e: &Matrix3<f64>,
 ) {
-    let place_of = |satellite: Satellite| {
-        let mut present = bank.present();
-        present.find(|(_, s, _)| *s == satellite).map(|p| p.0)
-    };
+    let place_of = |satellite: Satellite| bank.place(satellite);
     match explanation {
         Explanation::One(satellite) => {
             if let Some(place) = place_of(satellite) {
@@ -426,13 +440,7 @@ fn leave_out<const K: usize, const M: usize>(
         }
         Explanation::Two([one, other]) => {
             if let (Some(first), Some(second)) = (place_of(one), place_of(other)) {
-                bound.exclude(first);
-                solve(bound, bank, &[one], c_enu_e);
-                bound.exclude(second);
-                // All filters begin as copies of the new main one.
-                for place in 0..MAX_BANK {
-                    bound.begin(place);
-                }
+                bound.exclude_two(first, second);
             }
         }
         Explanation::Constellation(system) => bound.exclude_constellation(system.index()),

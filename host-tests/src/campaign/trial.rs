@@ -60,14 +60,17 @@ pub struct Scored {
     pub detected: Vec<bool>,
     /// What was excluded at this epoch.
     pub excluded: Option<Explanation>,
+    /// All filters are copies since an exclusion.
+    pub blind: bool,
     /// All verdicts.
     pub verdicts: Vec<BankVerdict>,
 }
 
 impl Scored {
-    /// Whether a user may take the position: no test failed. At the epoch of an exclusion one did.
+    /// Whether a user may take the position: there are tests and none failed. At the epoch of an exclusion
+    /// one did.
     pub fn is_usable(&self) -> bool {
-        !self.detected[0]
+        !self.detected[0] && !self.blind
     }
 
     /// Largest error over its level, of the first `axes`.
@@ -175,6 +178,7 @@ impl<'a> Trial<'a> {
                     .map(|k| first.alerted_level_m[k].max(first.fault_free_m[k])),
                 detected: epoch.verdicts.iter().map(|v| v.detected).collect(),
                 excluded: epoch.excluded,
+                blind: epoch.blind,
                 verdicts: epoch.verdicts,
             };
             if !each(&scored, rig) {

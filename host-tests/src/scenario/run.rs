@@ -307,7 +307,8 @@ pub fn run(
         .map(|epoch| {
             let time = instant(epoch.t_s);
             let report = reader.reports.iter().find(|report| report.time == time);
-            let bank = reader.banks.iter().find(|bank| bank.time == time);
+            let mut banks = reader.banks.iter().flatten();
+            let bank = banks.find(|bank| bank.time == time).map(|bank| &**bank);
             for satellite in bank.iter().flat_map(|bank| bank.excluded.iter()) {
                 let name = satellite.to_string();
                 if !excluded.contains(&name) {

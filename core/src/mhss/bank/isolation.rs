@@ -12,7 +12,7 @@
 //! satellite, by what happens when a second one is left out too, cannot be made of pairs. The rule is that of
 //! the snapshot's exclusion (docs/decisions/002): the hypothesis must fit, SSE_H within the chi-square limit
 //! of its rows, must leave a redundancy that can tell, and be more likely than every rival by
-//! [`crate::raim::exclusion::ISOLATION_ODDS`].
+//! a million to one.
 
 use super::{Bank, MAX_BANK, Secondaries, SubFilters, pair};
 use crate::consts::MAX_CLOCKS;

@@ -3,6 +3,7 @@
 use super::{Bank, MAX_BANK, Secondaries, SubFilters};
 use crate::ekf::{Filter, MeasurementRow};
 use crate::gnss::{Satellite, SatelliteSet, System};
+use crate::mhss::protection::{FaultPriors, Hypothesis};
 use crate::time::GpsTime;
 
 impl<const K: usize, const M: usize> Bank<K, M> {
@@ -41,13 +42,19 @@ impl<const K: usize, const M: usize> Bank<K, M> {
 
     /// Keeps satellites that are missing as long as what they left in the main filter can be seen: as long as
     /// a horizontal threshold is above `worth_m`.
-    pub fn hold_on(&mut self, now: GpsTime, worth_m: f64) {
+    pub fn hold_on(&mut self, now: GpsTime, hold_ns: i64, worth_m: f64) {
         for member in &mut self.members {
             let [threshold_m, _] = member.separation.threshold_m;
-            if member.missing_since.is_some() && !(threshold_m <= worth_m) {
+            let ends = |since: GpsTime| now.ns().saturating_sub(since.ns()) >= hold_ns;
+            if member.missing_since.is_some_and(ends) && !(threshold_m <= worth_m) {
                 member.missing_since = Some(now);
             }
         }
+    }
+
+    /// The place of a satellite.
+    pub fn place(&self, satellite: Satellite) -> Option<usize> {
+        self.place_of(satellite)
     }
 
     /// Leaves two satellites out: the filter without both becomes the main one and all others begin as
@@ -135,6 +142,38 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     /// Satellites that were excluded once and taken back.
     pub const fn readmitted(&self) -> SatelliteSet {
         self.readmitted
+    }
+
+    /// The hypotheses that have a filter, with their prior probabilities.
+    pub fn hypotheses<'a>(
+        &'a self,
+        priors: &'a FaultPriors,
+    ) -> impl Iterator<Item = Hypothesis<'a>> {
+        let satellites = self.members.iter().map(|member| Hypothesis {
+            separation: &member.separation,
+            probability: if self.readmitted.contains(member.satellite) {
+                priors.readmitted
+            } else {
+                priors.satellite
+            },
+        });
+        let constellations = self.constellations.iter().zip(&priors.constellation);
+        satellites.chain(constellations.filter_map(|(separation, probability)| {
+            Some(Hypothesis {
+                separation: separation.as_ref()?,
+                probability: *probability,
+            })
+        }))
+    }
+
+    /// Probability of the faults that no filter stands for: two satellites at once, GPS as a whole where it
+    /// is alone. That another constellation is faulty as a whole cannot be told where it is alone, and is not
+    /// reckoned with there, as receiver-autonomous monitoring does not.
+    pub fn p_unmonitored(&self, priors: &FaultPriors) -> f64 {
+        let gps = System::Gps.index();
+        let gps_is_alone = self.constellations.get(gps).is_none_or(Option::is_none);
+        let of_gps = priors.constellation.get(gps).copied().unwrap_or(0.0);
+        priors.pairs(self.members.len()) + if gps_is_alone { of_gps } else { 0.0 }
     }
 
     /// Places whose filters began at this epoch.

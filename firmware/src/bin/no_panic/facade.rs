@@ -205,7 +205,12 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
 
 fn tight() {
     let mut tight = TightMonitor::EMPTY;
-    call3(TightMonitor::configure, &mut tight, &UNIT, 1e-7);
+    call3(
+        TightMonitor::configure,
+        &mut tight,
+        &UNIT,
+        &Phase::Npa.requirements(),
+    );
     call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
     call3(
         TightMonitor::on_corrected,

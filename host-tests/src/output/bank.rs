@@ -1,0 +1,154 @@
+//! Columns of `epochs.csv` that hold what the bank of filters found.
+//!
+//! Which satellites were ever in the bank is known at the end only, so that the header is made from all
+//! epochs and the rows are written one by one after it.
+
+use std::fmt::Write as _;
+
+use surefix_core::bank_report::{BankReport, BankTest};
+use surefix_core::gnss::Satellite;
+use surefix_core::integrity::Integrity;
+use surefix_core::report::EpochReport;
+
+use super::field;
+
+/// Columns of every file; those of the satellites follow.
+pub const FIXED_COLUMNS: &str = ",n_bank,n_unmonitored,uncertainty_h_m,uncertainty_v_m";
+
+/// What the bank found at each epoch, beside the reports; `None` where it did not run.
+pub type Banks = [Option<Box<BankReport>>];
+
+/// The satellites that have columns.
+#[derive(Clone, Debug)]
+pub struct BankColumns {
+    /// Sorted by name.
+    satellites: Vec<(String, Satellite)>,
+}
+
+impl BankColumns {
+    /// Those that were in the bank at some epoch.
+    pub fn new(banks: &Banks) -> Self {
+        let mut is_there = [false; Satellite::COUNT];
+        let tests = banks.iter().flatten().flat_map(|bank| &bank.tests);
+        for test in tests {
+            if let Some(slot) = is_there.get_mut(test.satellite.index()) {
+                *slot = true;
+            }
+        }
+        let mut satellites: Vec<(String, Satellite)> = is_there
+            .iter()
+            .enumerate()
+            .filter(|(_, is_there)| **is_there)
+            .filter_map(|(index, _)| Satellite::from_index(index))
+            .map(|satellite| (satellite.to_string(), satellite))
+            .collect();
+        satellites.sort();
+        Self { satellites }
+    }
+
+    /// Names of all columns, each with a comma before it.
+    pub fn header(&self) -> String {
+        let mut text = FIXED_COLUMNS.to_owned();
+        for (name, _) in &self.satellites {
+            let _ = write!(text, ",d_h_{name},t_h_{name},d_v_{name},t_v_{name}");
+        }
+        text
+    }
+
+    /// Fields of an epoch, each with a comma before it.
+    pub fn row(&self, line: &mut String, report: &EpochReport, bank: Option<&BankReport>) {
+        field(line, bank.map(|bank| bank.tests.len() as f64));
+        field(line, bank.map(|bank| bank.n_unmonitored.into()));
+        let is_alert = report.verdict.integrity == Integrity::Alert;
+        for axis in 0..2 {
+            let bank = bank.filter(|_| is_alert);
+            field(line, bank.and_then(|bank| bank.alerted_level_m[axis]));
+        }
+        for (_, satellite) in &self.satellites {
+            let test = bank.and_then(|bank| bank.tests.iter().find(|t| t.satellite == *satellite));
+            for axis in 0..2 {
+                match test.filter(|test| is_tested(test, axis)) {
+                    Some(test) => {
+                        number(line, test.statistic_m[axis]);
+                        number(line, test.threshold_m[axis]);
+                    }
+                    None => line.push_str(",,"),
+                }
+            }
+        }
+    }
+}
+
+/// Whether there is something to test.
+fn is_tested(test: &BankTest, axis: usize) -> bool {
+    test.threshold_m[axis] != Some(0.0) || test.statistic_m[axis].is_none()
+}
+
+/// What is not finite fails its test, and has to be seen.
+fn number(line: &mut String, value: Option<f64>) {
+    match value {
+        Some(_) => field(line, value),
+        None => line.push_str(",nan"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefix_core::gnss::System;
+
+    fn test(system: System, prn: u8, d: [Option<f64>; 2], t: [Option<f64>; 2]) -> BankTest {
+        BankTest {
+            satellite: Satellite::new(system, prn).unwrap(),
+            statistic_m: d,
+            threshold_m: t,
+        }
+    }
+
+    fn bank(tests: &[BankTest]) -> Option<Box<BankReport>> {
+        let mut bank = Box::new(BankReport::EMPTY);
+        bank.n_unmonitored = 2;
+        bank.alerted_level_m = [Some(0.1 + 0.2), None];
+        bank.tests.extend(tests.iter().copied());
+        Some(bank)
+    }
+
+    #[test]
+    fn satellites_ever_in_the_bank_have_columns_in_the_order_of_their_names() {
+        let (one, two) = ([Some(1.0), Some(2.0)], [Some(3.0), Some(0.0)]);
+        let banks = [
+            bank(&[
+                test(System::Gps, 5, one, two),
+                test(System::Bds, 30, one, two),
+            ]),
+            None,
+            bank(&[test(System::Gps, 2, [None, Some(0.5)], [Some(4.0), None])]),
+        ];
+        let columns = BankColumns::new(&banks);
+        let header = columns.header();
+        assert_eq!(
+            header,
+            format!(
+                "{FIXED_COLUMNS},d_h_C30,t_h_C30,d_v_C30,t_v_C30,d_h_G02,t_h_G02,d_v_G02,t_v_G02,\
+                 d_h_G05,t_h_G05,d_v_G05,t_v_G05"
+            )
+        );
+        let mut report = super::super::tests::no_position();
+        let mut row = |k: usize, integrity| {
+            report.verdict.integrity = integrity;
+            let mut line = String::new();
+            columns.row(&mut line, &report, banks[k].as_deref());
+            assert_eq!(line.matches(',').count(), header.matches(',').count());
+            line
+        };
+        // A threshold of 0 says that there is nothing to test.
+        assert_eq!(row(0, Integrity::Nominal), ",2,2,,,1,3,,,,,,,1,3,,");
+        let alerted = row(2, Integrity::Alert);
+        assert!(
+            alerted.starts_with(",1,2,0.30000000000000004,,"),
+            "{alerted}"
+        );
+        assert!(alerted.ends_with(",,,,,nan,4,0.5,nan,,,,"), "{alerted}");
+        assert_eq!(row(1, Integrity::Alert), ",".repeat(16));
+    }
+}
