@@ -5,8 +5,10 @@
 //! network. Every epoch is in it: where a screen has fewer columns than the run has epochs, a column
 //! shows the smallest and the largest value of the epochs it stands for.
 
+mod bank;
 mod data;
 mod figures;
+mod stanford;
 mod table;
 
 use std::fmt::Write as _;
