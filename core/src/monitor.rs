@@ -21,14 +21,13 @@ use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satelli
 use crate::ingest::{Event, Ingest};
 use crate::ins::{InertialConfig, IntakeCounters};
 use crate::integrity::{
-    InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
+    InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel, Reason, Verdict, opinion,
 };
+use crate::mhss::protection::SNAPSHOT_FALSE_ALERT_SHARE;
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
-use crate::tight::{
-    MonitorSecondaries, TestedSolution, TightConfigureError, TightMonitor, TightSolution,
-};
+use crate::tight::{BankMemory, TestedSolution, TightConfigureError, TightMonitor, TightSolution};
 use crate::time::{GpsTime, NS_PER_WEEK};
 use crate::wire::Counters;
 
@@ -64,6 +63,8 @@ pub struct Monitor {
     rhythm: Rhythm,
     first_epoch: Option<GpsTime>,
     refused_configurations: u32,
+    /// How the two opinions on the last epoch stand to each other, where there were two.
+    opinions: Option<Opinions>,
 }
 
 impl Monitor {
@@ -79,6 +80,7 @@ impl Monitor {
         rhythm: Rhythm::UNKNOWN,
         first_epoch: None,
         refused_configurations: 0,
+        opinions: None,
     };
 
     /// Sets what a user chooses. A configuration frame in the stream does the same, until the first
@@ -107,8 +109,10 @@ impl Monitor {
             .snapshot
             .config()
             .map_or(Config::PRESET.phase, |config| config.phase);
-        self.tight
-            .configure(inertial, phase.requirements().p_fault_free)
+        self.tight.configure(inertial, &phase.requirements())?;
+        self.snapshot
+            .share_false_alerts(SNAPSHOT_FALSE_ALERT_SHARE)
+            .map_err(TightConfigureError::Stats)
     }
 
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
@@ -241,18 +245,19 @@ impl Monitor {
         self.process_with(counter, None)
     }
 
-    /// The same with a memory for the secondary filters of the bank.
+    /// The same with a memory for the filters of the bank.
     #[inline(never)]
     pub fn process_with(
         &mut self,
         counter: &mut impl CycleCounter,
-        secondaries: Option<&mut MonitorSecondaries>,
+        memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
         self.ledger.begin_epoch();
+        self.opinions = None;
         let mut report = match self.pending {
-            Pending::Observations => self.process_observations(counter),
-            Pending::Corrected => self.process_corrected(counter, secondaries),
-            Pending::Silence { time } => self.process_silence(time, counter),
+            Pending::Observations => self.process_observations(counter, memory),
+            Pending::Corrected => self.process_corrected(counter, memory),
+            Pending::Silence { time } => self.process_silence(time, counter, memory),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
         report.since_first_ns = report.time.ns().wrapping_sub(first_epoch.ns());
@@ -262,8 +267,16 @@ impl Monitor {
         report
     }
 
-    fn process_observations(&mut self, counter: &mut impl CycleCounter) -> EpochReport {
+    fn process_observations(
+        &mut self,
+        counter: &mut impl CycleCounter,
+        memory: Option<BankMemory<'_>>,
+    ) -> EpochReport {
         let epoch = self.ingest.epoch();
+        let with_bank = memory.is_some();
+        if with_bank {
+            self.snapshot.leave_out(self.tight.excluded());
+        }
         let assessment = self.snapshot.assess(
             epoch,
             &self.store,
@@ -275,13 +288,22 @@ impl Monitor {
         let begin = counter.now();
         let verdict = assessment.verdict;
         let tested = TestedSolution::new(&assessment);
-        let tight = self.tight.on_epoch(
-            epoch.time,
-            self.snapshot.workspace_mut(),
-            verdict.excluded,
-            verdict.integrity != Integrity::Alert,
-            tested.as_ref(),
-        );
+        let tight = match memory {
+            Some(memory) => self.tight.on_epoch_with_bank(
+                epoch.time,
+                self.snapshot.workspace_mut(),
+                assessment.excluded_here,
+                tested.as_ref(),
+                memory,
+            ),
+            None => self.tight.on_epoch(
+                epoch.time,
+                self.snapshot.workspace_mut(),
+                verdict.excluded,
+                verdict.integrity != Integrity::Alert,
+                tested.as_ref(),
+            ),
+        };
         match &tight {
             Some(tight) => {
                 let separation_m = assessment
@@ -294,7 +316,16 @@ impl Monitor {
                     _ => true,
                 };
                 if serves {
-                    report.verdict = verdict.moved_by(separation_m.unwrap_or([0.0; 2]));
+                    let opinion = self.tight.opinion().filter(|_| with_bank);
+                    report.verdict = match opinion {
+                        Some(bank) => {
+                            let (combined, opinions) =
+                                opinion::combine(&verdict, bank, separation_m);
+                            self.opinions = Some(opinions);
+                            combined
+                        }
+                        None => verdict.moved_by(separation_m.unwrap_or([0.0; 2])),
+                    };
                     serve(&mut report, tight);
                 }
             }
@@ -309,7 +340,7 @@ impl Monitor {
     fn process_corrected(
         &mut self,
         counter: &mut impl CycleCounter,
-        secondaries: Option<&mut MonitorSecondaries>,
+        memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
         let begin = counter.now();
         let epoch = self.ingest.corrected_epoch();
@@ -320,7 +351,7 @@ impl Monitor {
         }
         report.n_observed = u8::try_from(epoch.rows.len()).unwrap_or(u8::MAX);
         report.flags.incomplete = self.ingest.corrected_is_incomplete();
-        if let Some(tight) = self.tight.on_corrected(epoch, secondaries) {
+        if let Some(tight) = self.tight.on_corrected(epoch, memory) {
             serve(&mut report, &tight);
         }
         report.inertial = self.tight.tell();
@@ -329,7 +360,12 @@ impl Monitor {
         report
     }
 
-    fn process_silence(&mut self, time: GpsTime, counter: &mut impl CycleCounter) -> EpochReport {
+    fn process_silence(
+        &mut self,
+        time: GpsTime,
+        counter: &mut impl CycleCounter,
+        memory: Option<BankMemory<'_>>,
+    ) -> EpochReport {
         let begin = counter.now();
         let mut report = empty_report(time, Reason::ReceiverSilent);
         if let Some(config) = self.snapshot.config() {
@@ -337,7 +373,11 @@ impl Monitor {
             report.verdict.hal_m = requirements.hal_m;
             report.verdict.val_m = requirements.val_m;
         }
-        if let Some(tight) = self.tight.on_silence(time) {
+        let tight = match memory {
+            Some(memory) => self.tight.on_silence_with_bank(time, memory),
+            None => self.tight.on_silence(time),
+        };
+        if let Some(tight) = tight {
             serve(&mut report, &tight);
         }
         report.inertial = self.tight.tell();
@@ -402,6 +442,11 @@ impl Monitor {
             bank.separations(),
         );
         true
+    }
+
+    /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.
+    pub const fn opinions(&self) -> Option<Opinions> {
+        self.opinions
     }
 
     /// Tight mode.

@@ -52,6 +52,8 @@ pub struct Assessment {
     pub solution: Option<SnapshotSolution>,
     /// What to think of it.
     pub verdict: Verdict,
+    /// Satellites found faulty at this epoch, those left out from the beginning not among them.
+    pub excluded_here: SatelliteSet,
     /// Satellites observed.
     pub n_observed: u8,
     /// Satellites observed and not used, in the order of
@@ -95,6 +97,7 @@ pub struct SnapshotMonitor {
     independent_sigma_m: [f64; MAX_SATELLITES],
     common_errors_m: [[f64; MAX_SATELLITES]; 1],
     start: Option<[f64; 3]>,
+    left_out: SatelliteSet,
 }
 
 impl SnapshotMonitor {
@@ -110,6 +113,7 @@ impl SnapshotMonitor {
         independent_sigma_m: [1.0; MAX_SATELLITES],
         common_errors_m: [[0.0; MAX_SATELLITES]],
         start: None,
+        left_out: SatelliteSet::EMPTY,
     };
 
     /// Checks a configuration and computes every threshold it needs, once.
@@ -130,6 +134,25 @@ impl SnapshotMonitor {
         );
         self.config = Some(*config);
         Ok(())
+    }
+
+    /// Takes a share of the false alerts of the phase of flight, where another opinion takes the rest. Without
+    /// a configuration nothing happens.
+    ///
+    /// # Errors
+    /// [`StatsError`] when the share gives no threshold.
+    pub fn share_false_alerts(&mut self, share: f64) -> Result<(), StatsError> {
+        let Some(config) = &self.config else {
+            return Ok(());
+        };
+        let requirements = config.phase.requirements();
+        self.thresholds
+            .fill(share * requirements.p_fa, requirements.p_md)
+    }
+
+    /// Satellites that somebody else has found faulty are not used from now on.
+    pub const fn leave_out(&mut self, satellites: SatelliteSet) {
+        self.left_out = satellites;
     }
 
     /// The configuration in force.
@@ -161,6 +184,7 @@ impl SnapshotMonitor {
             return Assessment {
                 solution: None,
                 verdict: Verdict::unavailable(Reason::NotConfigured, 0.0, None),
+                excluded_here: SatelliteSet::EMPTY,
                 n_observed: 0,
                 unused: [0; SATELLITE_REASONS],
             };
@@ -171,7 +195,7 @@ impl SnapshotMonitor {
             test: Test::Impossible(Reason::None),
             statistic: None,
             threshold: None,
-            excluded: SatelliteSet::EMPTY,
+            excluded: self.left_out,
             hpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
             vpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
         };
@@ -196,9 +220,14 @@ impl SnapshotMonitor {
         let unused = progress
             .solution
             .map_or_else(|| self.workspace.unused(), |solution| solution.unused);
+        let mut excluded_here = progress.excluded;
+        for satellite in self.left_out.iter() {
+            excluded_here.remove(satellite);
+        }
         Assessment {
             solution: progress.solution,
             verdict,
+            excluded_here,
             n_observed: self.workspace.n_observed(),
             unused,
         }
@@ -272,7 +301,7 @@ impl SnapshotMonitor {
             }
         }
         self.solve(&mut without);
-        if without.excluded.is_empty() || matches!(without.test, Test::Impossible(_)) {
+        if without.excluded == progress.excluded || matches!(without.test, Test::Impossible(_)) {
             return;
         }
         self.detect(&mut without);

@@ -13,6 +13,7 @@ use heapless::Vec;
 
 use crate::config::Config;
 use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
+use crate::ekf::Filter;
 use crate::ekf::layout::FIRST_OFFSET;
 use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
@@ -24,21 +25,23 @@ use crate::ins::mechanisation::Increment;
 use crate::ins::{
     AttitudeStart, ImuSample, InertialConfig, InertialConfigError, InitialState, ReferenceModel,
 };
-use crate::integrity::InertialStatus;
+use crate::integrity::{InertialStatus, PhaseRequirements};
 use crate::mhss::bank::{Bank, BankRow, BankVerdict, Secondaries, SubFilters};
 use crate::mhss::separation::SeparationQuantiles;
 use crate::report::Navigation;
 use crate::snapshot::Assessment;
-use crate::stats::{StatsError, normal};
+use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
 mod clocks;
 mod jump;
+mod recording;
 mod scenario;
 mod solution;
 mod start;
 
 use clocks::offset_of;
+use recording::RecordingBank;
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
 pub const CLOCKS: usize = 4;
@@ -47,6 +50,32 @@ pub const JOINT: usize = 6 + CLOCKS;
 
 /// The secondary filters of the monitor: half a megabyte, in a memory of its own.
 pub type MonitorSecondaries = Secondaries<CLOCKS, JOINT>;
+
+/// The filters that every test of an epoch reads: F00 while the bank runs, and those without one satellite
+/// or one constellation. Small enough for a microcontroller's fastest memory.
+#[derive(Clone, Debug)]
+pub struct MonitorFastFilters {
+    pub(crate) main: Filter<CLOCKS, JOINT>,
+    pub(crate) sub: SubFilters<CLOCKS, JOINT>,
+}
+
+impl MonitorFastFilters {
+    /// Empty: all bytes are zero.
+    pub const EMPTY: Self = Self {
+        main: Filter::EMPTY,
+        sub: SubFilters::EMPTY,
+    };
+}
+
+/// Where the bank's filters lie. Two memories, so that a board can put each where it has room. What
+/// they hold belongs to the monitor that was given them: the same two must come with every epoch.
+#[derive(Debug)]
+pub struct BankMemory<'a> {
+    /// F00 and F0n.
+    pub fast: &'a mut MonitorFastFilters,
+    /// Fnm.
+    pub secondaries: &'a mut MonitorSecondaries,
+}
 
 /// A receiver clock that jumps does so by whole milliseconds, m.
 const MILLISECOND_M: f64 = 1.0e-3 * SPEED_OF_LIGHT_MPS;
@@ -136,7 +165,7 @@ impl<'a> TestedSolution<'a> {
     }
 }
 
-/// Everything tight mode needs, the secondary filters apart. About 100 kB; lives in a static.
+/// Everything tight mode needs, the filters of the bank apart. About 60 kB; lives in a static.
 pub struct TightMonitor {
     config: Option<InertialConfig>,
     reference: Option<ReferenceModel>,
@@ -153,10 +182,10 @@ pub struct TightMonitor {
     innovations_m: [f64; MAX_SATELLITES],
     diverged: u8,
     bank: Bank<CLOCKS, JOINT>,
-    sub_filters: SubFilters<CLOCKS, JOINT>,
     rows: Vec<BankRow<JOINT>, MAX_SATELLITES>,
     quantiles: SeparationQuantiles,
     bank_verdict: Option<(GpsTime, BankVerdict)>,
+    recording: RecordingBank,
     /// Epochs in a row that came too late for the filter.
     late: u8,
     /// Attitude when tight mode ended, and when that was.
@@ -189,10 +218,10 @@ impl TightMonitor {
         innovations_m: [0.0; MAX_SATELLITES],
         diverged: 0,
         bank: Bank::EMPTY,
-        sub_filters: SubFilters::EMPTY,
         rows: Vec::new(),
         quantiles: SeparationQuantiles::EMPTY,
         bank_verdict: None,
+        recording: RecordingBank::EMPTY,
         late: 0,
         last_attitude: None,
         counted: None,
@@ -202,18 +231,19 @@ impl TightMonitor {
         remembered: None,
     };
 
-    /// An inertial unit is there. `p_fault_free` is the fault-free integrity risk per sample.
+    /// An inertial unit is there, in a phase of flight with these requirements.
     ///
     /// # Errors
     /// [`TightConfigureError`]; tight mode then stays as it was.
     pub fn configure(
         &mut self,
         inertial: &InertialConfig,
-        p_fault_free: f64,
+        requirements: &PhaseRequirements,
     ) -> Result<(), TightConfigureError> {
         inertial.check().map_err(TightConfigureError::Config)?;
         if self.reference.is_none() {
-            self.set_fault_free(p_fault_free)?;
+            self.allocate(requirements)
+                .map_err(TightConfigureError::Stats)?;
         }
         self.intake.configure(inertial);
         self.alignment.configure(&inertial.start);
@@ -225,12 +255,6 @@ impl TightMonitor {
         self.remembered = None;
         self.config = Some(*inertial);
         self.status = InertialStatus::NoSample;
-        Ok(())
-    }
-
-    fn set_fault_free(&mut self, p_fault_free: f64) -> Result<(), TightConfigureError> {
-        self.k_fault_free =
-            normal::upper_quantile(0.5 * p_fault_free).map_err(TightConfigureError::Stats)?;
         Ok(())
     }
 
@@ -306,6 +330,7 @@ impl TightMonitor {
         self.diverged = 0;
         self.bank.clear();
         self.bank_verdict = None;
+        self.recording.start();
         self.late = 0;
         self.remembered = None;
         if self.navigator.start(config, state).is_ok() {
@@ -344,7 +369,7 @@ impl TightMonitor {
             self.corrected
                 .scale_sigmas(factors.pseudorange, factors.range_rate);
         }
-        self.prepare_clocks(&mut at, tested);
+        let _ = self.prepare_clocks(&mut at, tested);
         self.finish(&at)
     }
 

@@ -7,7 +7,7 @@ use surefix_core::bank_report::BankReport;
 use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
 use surefix_core::monitor::{Monitor, Ready};
-use surefix_core::tight::MonitorSecondaries;
+use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::native::MAX_FRAME;
 use surefix_core::{ingest, report};
 
@@ -17,6 +17,7 @@ const CHUNK: usize = 256;
 /// The monitor with its input and output. Its memory is handed in or static.
 pub struct Worker {
     monitor: &'static mut Monitor,
+    fast: &'static mut MonitorFastFilters,
     secondaries: Option<&'static mut MonitorSecondaries>,
     bank: &'static mut BankReport,
     received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
@@ -39,6 +40,7 @@ impl Worker {
     ) -> Self {
         let Memory {
             monitor,
+            fast,
             secondaries,
             bank,
         } = memory;
@@ -48,6 +50,7 @@ impl Worker {
         }
         Self {
             monitor,
+            fast,
             secondaries,
             bank,
             received,
@@ -94,9 +97,12 @@ impl Worker {
 
     #[inline(never)]
     fn epoch(&mut self) {
-        let report = self
-            .monitor
-            .process_with(&mut self.cycles, self.secondaries.as_deref_mut());
+        let fast = &mut *self.fast;
+        let memory = self
+            .secondaries
+            .as_deref_mut()
+            .map(|secondaries| BankMemory { fast, secondaries });
+        let report = self.monitor.process_with(&mut self.cycles, memory);
         if self.monitor.bank_report(self.bank)
             && let Ok(length) = self.bank.encode(&mut self.frame)
         {

@@ -253,21 +253,26 @@ impl FaultInjector {
         Self { faults }
     }
 
-    /// Adds the faults active at `t_s` seconds from the first epoch.
-    pub fn apply(&mut self, epoch: &mut ObservationEpoch, t_s: f64) {
-        for fault in &mut self.faults {
-            let Some((value_m, rate_mps)) = fault.at(t_s) else {
-                continue;
-            };
+    /// The faults active at `t_s` seconds from the first epoch: satellite, m, and m/s on the range rate.
+    pub fn values(&mut self, t_s: f64) -> impl Iterator<Item = (Satellite, f64, f64)> + '_ {
+        self.faults.iter_mut().filter_map(move |fault| {
+            let (value_m, rate_mps) = fault.at(t_s)?;
             let rate_mps = if fault.spec.on_range_rate {
                 rate_mps
             } else {
                 0.0
             };
+            Some((fault.spec.satellite, value_m, rate_mps))
+        })
+    }
+
+    /// Adds the faults active at `t_s` seconds from the first epoch.
+    pub fn apply(&mut self, epoch: &mut ObservationEpoch, t_s: f64) {
+        for (satellite, value_m, rate_mps) in self.values(t_s) {
             let observed = epoch
                 .satellites
                 .iter_mut()
-                .filter(|s| s.satellite == fault.spec.satellite);
+                .filter(|s| s.satellite == satellite);
             for signal in observed.flat_map(|s| &mut s.signals) {
                 if let Some(pseudorange_m) = &mut signal.pseudorange_m {
                     *pseudorange_m += value_m;

@@ -20,7 +20,7 @@ use surefix_core::config::Config;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
-use surefix_core::tight::MonitorSecondaries;
+use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
@@ -48,7 +48,7 @@ pub struct HostExecutor;
 impl Executor for HostExecutor {
     fn run(&mut self, stream: &[u8], output: &mut dyn FnMut(&[u8])) -> Result<()> {
         let mut monitor = new_monitor();
-        let mut secondaries = new_secondaries();
+        let mut filters = BankFilters::new();
         let mut bank = Box::new(BankReport::EMPTY);
         let mut frame = [0; native::MAX_FRAME];
         let mut rest = stream;
@@ -57,7 +57,7 @@ impl Executor for HostExecutor {
             rest = rest.get(used..).unwrap_or_default();
             match ready {
                 Some(Ready::Epoch) => {
-                    let report = monitor.process_with(&mut NoCounter, Some(&mut secondaries));
+                    let report = monitor.process_with(&mut NoCounter, Some(filters.memory()));
                     if monitor.bank_report(&mut bank) {
                         match bank.encode(&mut frame) {
                             Ok(length) => output(&frame[..length]),
@@ -89,9 +89,35 @@ pub fn new_monitor() -> Box<Monitor> {
     Box::new(Monitor::EMPTY)
 }
 
-/// Secondary filters on the heap.
-pub fn new_secondaries() -> Box<MonitorSecondaries> {
-    Box::new(MonitorSecondaries::EMPTY)
+/// The filters of a bank on the heap.
+#[derive(Debug)]
+pub struct BankFilters {
+    fast: Box<MonitorFastFilters>,
+    secondaries: Box<MonitorSecondaries>,
+}
+
+impl BankFilters {
+    /// For one monitor.
+    pub fn new() -> Self {
+        Self {
+            fast: Box::new(MonitorFastFilters::EMPTY),
+            secondaries: Box::new(MonitorSecondaries::EMPTY),
+        }
+    }
+
+    /// As a monitor takes them.
+    pub fn memory(&mut self) -> BankMemory<'_> {
+        BankMemory {
+            fast: &mut self.fast,
+            secondaries: &mut self.secondaries,
+        }
+    }
+}
+
+impl Default for BankFilters {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 /// Puts a monitor's output together from pieces of any size.

@@ -197,9 +197,10 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     }
 
     /// Notes that samples were missing: the nominal is less certain by this much, one sigma per axis.
+    /// All filters that share the transition of this epoch are.
     pub fn add_uncertainty(&mut self, attitude_rad: f64, velocity_mps: f64) {
-        self.filter.widen_block(ATTITUDE, &equal(attitude_rad));
-        self.filter.widen_block(VELOCITY, &equal(velocity_mps));
+        self.process.add_noise(ATTITUDE, &equal(attitude_rad));
+        self.process.add_noise(VELOCITY, &equal(velocity_mps));
     }
 
     /// All times so far were wrong by this much, ns, as when the week becomes known.
@@ -307,11 +308,25 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         Ok(correction)
     }
 
-    /// What the epoch says, to be filled by a bank in place of [`Navigator::add`], and the filter.
-    pub const fn information_and_filter(
-        &mut self,
-    ) -> (&mut EpochInformation<M>, &mut Filter<K, M>) {
-        (&mut self.information, &mut self.filter)
+    /// What the epoch says, to be filled by a bank in place of [`Navigator::add`].
+    pub const fn information_mut(&mut self) -> &mut EpochInformation<M> {
+        &mut self.information
+    }
+
+    /// Copies the filter to where a bank works on it: `main`, for the time between
+    /// [`Navigator::predict`] and [`Navigator::take_back`].
+    pub fn lend(&self, main: &mut Filter<K, M>) {
+        main.clone_from(&self.filter);
+    }
+
+    /// [`Navigator::update_filter`] of the filter that was lent.
+    pub fn update_lent(&mut self, main: &mut Filter<K, M>) -> UpdateSummary {
+        main.update(&self.information, &mut self.update_workspace)
+    }
+
+    /// The filter comes back from where it was lent to, or another in its place after an exclusion.
+    pub fn take_back(&mut self, main: &Filter<K, M>) {
+        self.filter.clone_from(main);
     }
 
     fn correct(&mut self, correction: &ErrorState<K>) {

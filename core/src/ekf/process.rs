@@ -28,7 +28,7 @@ use super::layout::{ACCEL_BIAS, ATTITUDE, BLOCKS, GYRO_BIAS, POSITION, VELOCITY}
 use super::transition::{ClockTransition, NavigationCovariance, NavigationTransition, Transition};
 use crate::ins::{ClockNoise, InertialNoise};
 use crate::linalg::block3::{
-    Block, IDENTITY, ZERO, add_product, add_product_vector, add_scaled, product, skew,
+    Block, IDENTITY, Symmetric, ZERO, add_product, add_product_vector, add_scaled, product, skew,
 };
 
 /// Length of a substep, s.
@@ -214,6 +214,16 @@ impl ProcessAccumulator {
         }
         self.lever = *lever;
         &self.transition
+    }
+
+    /// Adds noise to a block of states, as for samples that were missing. It is carried on with the rest of
+    /// the epoch.
+    pub fn add_noise(&mut self, block: usize, by: &Symmetric) {
+        if let Some(diagonal) = self.transition.noise.diagonal.get_mut(block) {
+            for (entry, by) in diagonal.iter_mut().zip(by) {
+                *entry += by;
+            }
+        }
     }
 
     /// The transition accumulated so far; whole after [`ProcessAccumulator::finish`].

@@ -316,6 +316,14 @@ impl SnapshotWorkspace {
         Ok(())
     }
 
+    /// One sigma of a satellite's pseudorange, as of the last place looked from.
+    pub fn sigma(&self, satellite: Satellite) -> Option<RowSigma> {
+        self.rows
+            .iter()
+            .find(|row| row.measurement.satellite == satellite)
+            .map(|row| row.sky.sigma)
+    }
+
     fn used(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.state == RowState::Used)
     }

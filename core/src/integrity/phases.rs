@@ -11,9 +11,16 @@
 //! | LPV-200 | 40 | 35 | 6 | [ICAO-A10] table 3.7.2.4-1, CAT I with VAL 35 m |
 //! | APV-II | 40 | 20 | 6 | [ICAO-A10] table 3.7.2.4-1 |
 //!
-//! The fault-free risk of 1e-7 per sample sets K_ff = 5.33, the K_V of [DO-229] 2.2 and [P3] (15); it is
-//! not yet allocated from a risk per hour or approach. P_FA and P_MD per sample are those of [P0] section 2 and [DO-229] appendix on RAIM: 3.3333e-7 and
-//! 1e-3. Keys: docs/references.md.
+//! The snapshot monitor takes P_FA and P_MD per sample from [P0] section 2 and [DO-229] appendix on RAIM,
+//! 3.3333e-7 and 1e-3, and a fault-free risk of 1e-7 per sample, which sets K_ff = 5.33, the K_V of [DO-229]
+//! 2.2 and [P3] (15). The bank of filters spends risks per exposure:
+//!
+//! | phases | exposure | integrity risk | false alerts | source |
+//! |---|---|---|---|---|
+//! | oceanic to LNAV | 1 h | 1e-7 | 1e-5 | [ICAO-A10] table 3.7.2.4-1: 1e-7/h; [DO-229] RAIM: 1e-5/h |
+//! | LNAV/VNAV to APV-II | 150 s | 1e-7 | 4e-5 | the same table: 2e-7 per approach, continuity 8e-6 per 15 s; half of each for satellites that fail and alerts without a fault, as [ARAIM] has it |
+//!
+//! Keys: docs/references.md.
 
 /// A phase of flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +62,12 @@ pub struct PhaseRequirements {
     pub p_md: f64,
     /// Fault-free integrity risk per sample, for the level that no fault explains.
     pub p_fault_free: f64,
+    /// What the risks per exposure are counted over, s.
+    pub exposure_s: f64,
+    /// Probability, over the exposure, of an error above a level without an alert.
+    pub p_integrity: f64,
+    /// Probability, over the exposure, of an alert without a fault.
+    pub p_false_alert: f64,
 }
 
 impl Phase {
@@ -115,6 +128,12 @@ impl Phase {
             Self::Lpv200 => (40.0, Some(35.0), 6.0),
             Self::Apv2 => (40.0, Some(20.0), 6.0),
         };
+        let (exposure_s, p_integrity, p_false_alert) = match self {
+            Self::Oceanic | Self::EnRoute | Self::Terminal | Self::Npa => (3600.0, 1e-7, 1e-5),
+            Self::LnavVnav | Self::Apv1 | Self::Lpv | Self::Lpv200 | Self::Apv2 => {
+                (150.0, 1e-7, 4e-5)
+            }
+        };
         PhaseRequirements {
             hal_m,
             val_m,
@@ -122,6 +141,9 @@ impl Phase {
             p_fa: 3.3333e-7,
             p_md: 1e-3,
             p_fault_free: 1e-7,
+            exposure_s,
+            p_integrity,
+            p_false_alert,
         }
     }
 }

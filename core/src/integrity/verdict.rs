@@ -91,6 +91,9 @@ pub enum Reason {
     ReceiverSilent = 12,
     /// The position is the filter's own, and nothing tests it.
     NotMonitored = 13,
+    /// Hypotheses without a filter have spent the integrity risk: there is no level, as after a fault of two
+    /// satellites at once or of a constellation.
+    RiskSpent = 14,
 }
 
 /// Why there is no protection level.
@@ -110,6 +113,8 @@ pub enum NoBound {
     NotFinite = 4,
     /// The answer came too late to be one.
     DeadlineMissed = 5,
+    /// Faults that no filter stands for are likelier than the integrity risk allows.
+    RiskSpent = 6,
 }
 
 impl NoBound {
@@ -122,6 +127,7 @@ impl NoBound {
             3 => Self::FaultPresent,
             4 => Self::NotFinite,
             5 => Self::DeadlineMissed,
+            6 => Self::RiskSpent,
             _ => return None,
         })
     }
@@ -316,7 +322,7 @@ impl InertialStatus {
 
 impl Reason {
     /// Every reason, in the order of its number in a report frame.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::None,
         Self::TooFewSatellites,
         Self::NoRedundancy,
@@ -331,6 +337,7 @@ impl Reason {
         Self::ImplausibleClock,
         Self::ReceiverSilent,
         Self::NotMonitored,
+        Self::RiskSpent,
     ];
 
     /// Name in files.
@@ -350,6 +357,7 @@ impl Reason {
             Self::ImplausibleClock => "implausible_clock",
             Self::ReceiverSilent => "receiver_silent",
             Self::NotMonitored => "not_monitored",
+            Self::RiskSpent => "risk_spent",
         }
     }
 

@@ -16,13 +16,21 @@
 use heapless::Vec;
 use nalgebra::Matrix3;
 
-use super::separation::{self, Separation, SeparationQuantiles};
+use super::separation::{self, Separation, SeparationQuantiles, Variances};
+use crate::consts::MAX_CLOCKS;
 use crate::ekf::filter::PredictWorkspace;
 use crate::ekf::{
     EpochInformation, ErrorState, Filter, MeasurementRow, Transition, UpdateWorkspace,
 };
 use crate::gnss::{Satellite, SatelliteSet};
 use crate::time::GpsTime;
+
+mod constellations;
+mod isolation;
+mod places;
+
+pub(crate) use isolation::residual;
+pub use isolation::{Explanation, PostfitLimits};
 
 /// Most satellites in the bank.
 pub const MAX_BANK: usize = 24;
@@ -37,16 +45,18 @@ const fn pair(a: usize, b: usize) -> usize {
 
 const _: () = assert!(pair(0, 1) == 0 && pair(MAX_BANK - 1, MAX_BANK - 2) == MAX_PAIRS - 1);
 
-/// Filters that leave one satellite out, by the satellite's place.
+/// Filters that leave one satellite out, by the satellite's place, and those without a whole constellation.
 #[derive(Clone, Debug)]
 pub struct SubFilters<const K: usize, const M: usize> {
     filters: [Filter<K, M>; MAX_BANK],
+    constellations: [Filter<K, M>; MAX_CLOCKS],
 }
 
 impl<const K: usize, const M: usize> SubFilters<K, M> {
     /// Empty.
     pub const EMPTY: Self = Self {
         filters: [const { Filter::EMPTY }; MAX_BANK],
+        constellations: [const { Filter::EMPTY }; MAX_CLOCKS],
     };
 }
 
@@ -103,6 +113,8 @@ struct Member {
     place: usize,
     /// First epoch without it, if it is missing.
     missing_since: Option<GpsTime>,
+    /// Whether its filters began at this epoch.
+    is_new: bool,
     separation: Separation,
 }
 
@@ -113,12 +125,65 @@ pub struct BankVerdict {
     pub detected: bool,
     /// The satellite that the secondary filters single out.
     pub isolated: Option<Satellite>,
+    /// One sigma of the main filter's position, horizontal and vertical, m.
+    pub sigma_m: [f64; 2],
     /// Largest T + a over the sub-filters, horizontal and vertical, m; 0 for an empty bank.
     pub level_m: [f64; 2],
     /// Largest d + a: how far off the position may be while a fault is present, m.
     pub alerted_level_m: [f64; 2],
     /// Fault-free level of the main filter, m.
     pub fault_free_m: [f64; 2],
+}
+
+impl BankVerdict {
+    /// Takes a sub-filter's test in.
+    fn take(&mut self, of: &Separation, vertical: bool) {
+        self.detected |= of.is_failed(vertical);
+        for axis in 0..2 {
+            raise(&mut self.level_m, axis, &of.threshold_m, &of.uncertainty_m);
+            raise(
+                &mut self.alerted_level_m,
+                axis,
+                &of.statistic_m,
+                &of.uncertainty_m,
+            );
+        }
+    }
+}
+
+/// Variances of positions and separations, beyond those of the filters, m²: horizontal and vertical.
+/// `own` is a filter's own variance after the update.
+pub trait ExtraNoise {
+    /// Of the main filter; asked first.
+    fn main(&mut self, own: Variances) -> Variances;
+    /// Of the filter without the satellite of a place, and of its separation from the main one.
+    fn sub(&mut self, place: usize, own: Variances) -> [Variances; 2];
+    /// Of the filter without a constellation, and of its separation from the main one.
+    fn constellation(&mut self, constellation: usize, own: Variances) -> [Variances; 2];
+    /// Of the separation of the filter without two satellites from that without the first.
+    fn pair(&self, base: usize, other: usize) -> Variances;
+}
+
+/// The filters know of all noise.
+#[derive(Clone, Copy, Debug)]
+pub struct WhiteNoise;
+
+impl ExtraNoise for WhiteNoise {
+    fn main(&mut self, _: Variances) -> Variances {
+        [0.0; 2]
+    }
+
+    fn sub(&mut self, _: usize, _: Variances) -> [Variances; 2] {
+        [[0.0; 2]; 2]
+    }
+
+    fn constellation(&mut self, _: usize, _: Variances) -> [Variances; 2] {
+        [[0.0; 2]; 2]
+    }
+
+    fn pair(&self, _: usize, _: usize) -> Variances {
+        [0.0; 2]
+    }
 }
 
 /// Everything of the bank but its filters.
@@ -129,6 +194,10 @@ pub struct Bank<const K: usize, const M: usize> {
     excluded: SatelliteSet,
     /// The member that was excluded at the last epoch.
     leaving: Option<Member>,
+    /// Constellations with a filter of their own, by their numbers.
+    constellations: [Option<Separation>; MAX_CLOCKS],
+    /// Satellites that were excluded once and taken back.
+    readmitted: SatelliteSet,
     /// Rows of the members present at this epoch, in the order of the members.
     rows: [Option<MeasurementRow<M>>; MAX_BANK],
     n_unmonitored: u8,
@@ -147,6 +216,8 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         members: Vec::new(),
         excluded: SatelliteSet::EMPTY,
         leaving: None,
+        constellations: [None; MAX_CLOCKS],
+        readmitted: SatelliteSet::EMPTY,
         rows: [None; MAX_BANK],
         n_unmonitored: 0,
         after: [const { EpochInformation::ZERO }; MAX_BANK + 1],
@@ -162,6 +233,8 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.members.clear();
         self.excluded = SatelliteSet::EMPTY;
         self.leaving = None;
+        self.constellations = [None; MAX_CLOCKS];
+        self.readmitted = SatelliteSet::EMPTY;
         self.rows = [None; MAX_BANK];
         self.n_unmonitored = 0;
     }
@@ -242,6 +315,11 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         secondaries: &mut Secondaries<K, M>,
     ) {
         let workspace = &mut self.predict_workspace;
+        for (filter, constellation) in sub.constellations.iter_mut().zip(&self.constellations) {
+            if constellation.is_some() {
+                filter.predict(transition, workspace);
+            }
+        }
         for (at, member) in self.members.iter().enumerate() {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.predict(transition, workspace);
@@ -275,6 +353,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         } = *epoch;
         self.leaving = None;
         self.members.retain_mut(|member| {
+            member.is_new = false;
             if rows.iter().any(|row| row.satellite == member.satellite) {
                 member.missing_since = None;
                 return true;
@@ -329,6 +408,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 satellite,
                 place,
                 missing_since: None,
+                is_new: true,
                 separation: Separation::ZERO,
             })
             .is_ok()
@@ -395,11 +475,24 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     }
 
     /// Tests every sub-filter against the main filter, which has been updated, and looks for the one
-    /// satellite that explains what it finds.
+    /// satellite that explains what it finds. All errors of measurements are taken for white.
     #[inline(never)]
     pub fn test(
         &mut self,
         criterion: &Criterion<'_>,
+        main: &Filter<K, M>,
+        sub: &SubFilters<K, M>,
+        secondaries: &Secondaries<K, M>,
+    ) -> BankVerdict {
+        self.assess(criterion, &mut WhiteNoise, main, sub, secondaries)
+    }
+
+    /// The same with `noise` beyond what the filters know of; constellations that have a filter are tested too.
+    #[inline(never)]
+    pub fn assess(
+        &mut self,
+        criterion: &Criterion<'_>,
+        noise: &mut impl ExtraNoise,
         main: &Filter<K, M>,
         sub: &SubFilters<K, M>,
         secondaries: &Secondaries<K, M>,
@@ -409,45 +502,49 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             vertical,
             c_enu_e,
         } = *criterion;
-        let k_detection = quantiles.detection(self.members.len());
+        let constellations = self.constellations.iter().flatten().count();
+        let k_detection = quantiles.detection(self.members.len() + constellations);
+        let own = separation::position_variances(main, c_enu_e);
+        let sigma = separation::sigmas_of(own, noise.main(own));
         let mut verdict = BankVerdict {
             detected: false,
             isolated: None,
             level_m: [0.0; 2],
             alerted_level_m: [0.0; 2],
-            fault_free_m: separation::sigmas_m(main, c_enu_e)
-                .map(|sigma| sigma * quantiles.fault_free()),
+            sigma_m: sigma,
+            fault_free_m: sigma.map(|sigma| sigma * quantiles.fault_free()),
+        };
+        let compare = |filter: &Filter<K, M>, extra: [f64; 2], own: [f64; 2], between: [f64; 2]| {
+            let spread = separation::spread(main, filter, c_enu_e);
+            let sigma_m = separation::sigmas_of(own, extra);
+            Separation {
+                statistic_m: spread.distance_m,
+                threshold_m: separation::widened(spread.sigma_m, between)
+                    .map(|sigma| sigma * k_detection),
+                uncertainty_m: sigma_m.map(|sigma| sigma * quantiles.missed()),
+                sigma_m,
+            }
         };
         for member in &mut self.members {
             let Some(filter) = sub.filters.get(member.place) else {
                 continue;
             };
-            let spread = separation::spread(main, filter, c_enu_e);
-            let found = Separation {
-                statistic_m: spread.distance_m,
-                threshold_m: spread.sigma_m.map(|sigma| sigma * k_detection),
-                uncertainty_m: separation::sigmas_m(filter, c_enu_e)
-                    .map(|sigma| sigma * quantiles.missed()),
-            };
-            member.separation = found;
-            verdict.detected |= found.fails(0) || vertical && found.fails(1);
-            for axis in 0..2 {
-                raise(
-                    &mut verdict.level_m,
-                    axis,
-                    &found.threshold_m,
-                    &found.uncertainty_m,
-                );
-                raise(
-                    &mut verdict.alerted_level_m,
-                    axis,
-                    &found.statistic_m,
-                    &found.uncertainty_m,
-                );
+            let own = separation::position_variances(filter, c_enu_e);
+            let [extra, between] = noise.sub(member.place, own);
+            member.separation = compare(filter, extra, own, between);
+            verdict.take(&member.separation, vertical);
+        }
+        let filters = sub.constellations.iter().zip(&mut self.constellations);
+        for (constellation, (filter, place)) in filters.enumerate() {
+            if let Some(place) = place {
+                let own = separation::position_variances(filter, c_enu_e);
+                let [extra, between] = noise.constellation(constellation, own);
+                *place = compare(filter, extra, own, between);
+                verdict.take(place, vertical);
             }
         }
         if verdict.detected {
-            verdict.isolated = self.isolate(criterion, sub, secondaries);
+            verdict.isolated = self.isolate(criterion, noise, sub, secondaries);
         }
         verdict
     }
@@ -457,6 +554,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     fn isolate(
         &self,
         criterion: &Criterion<'_>,
+        noise: &impl ExtraNoise,
         sub: &SubFilters<K, M>,
         secondaries: &Secondaries<K, M>,
     ) -> Option<Satellite> {
@@ -477,12 +575,14 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                     let filter = secondaries.filters.get(pair(member.place, other.place));
                     filter.is_some_and(|filter| {
                         let spread = separation::spread(without, filter, c_enu_e);
+                        let between = noise.pair(member.place, other.place);
                         let second = Separation {
                             statistic_m: spread.distance_m,
-                            threshold_m: spread.sigma_m.map(|sigma| sigma * k_isolation),
-                            uncertainty_m: [0.0; 2],
+                            threshold_m: separation::widened(spread.sigma_m, between)
+                                .map(|sigma| sigma * k_isolation),
+                            ..Separation::ZERO
                         };
-                        !(second.fails(0) || vertical && second.fails(1))
+                        !second.is_failed(vertical)
                     })
                 });
             if !is_quiet {
@@ -494,9 +594,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             }
             found = Some(member);
         }
-        let own_test_fails =
-            |member: &&Member| member.separation.fails(0) || vertical && member.separation.fails(1);
-        found.filter(own_test_fails).map(|member| member.satellite)
+        found
+            .filter(|member| member.separation.is_failed(vertical))
+            .map(|member| member.satellite)
     }
 
     /// Leaves a satellite out from now on: its sub-filter becomes the main one, its secondaries become
@@ -509,17 +609,31 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         sub: &mut SubFilters<K, M>,
         secondaries: &mut Secondaries<K, M>,
     ) -> bool {
-        let Some(at) = self
-            .members
-            .iter()
-            .position(|member| member.satellite == satellite)
-        else {
+        let Some(leaving) = self.remove(satellite, main, sub, secondaries) else {
             return false;
         };
-        let leaving = self.members.remove(at);
-        let place = leaving.place;
         self.leaving = Some(leaving);
         self.excluded.insert(satellite);
+        self.readmitted.remove(satellite);
+        true
+    }
+
+    /// Takes a satellite out of every filter: no filter holds anything of it afterwards.
+    fn remove(
+        &mut self,
+        satellite: Satellite,
+        main: &mut Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> Option<Member> {
+        let is_it = |member: &Member| member.satellite == satellite;
+        let at = self.members.iter().position(is_it)?;
+        let leaving = self.members.remove(at);
+        let mut row = None;
+        for place in self.rows.iter_mut().skip(at).rev() {
+            core::mem::swap(place, &mut row);
+        }
+        let place = leaving.place;
         if let Some(filter) = sub.filters.get(place) {
             main.clone_from(filter);
         }
@@ -530,6 +644,12 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 own.clone_from(copy);
             }
         }
+        self.begin_secondaries(sub, secondaries);
+        Some(leaving)
+    }
+
+    /// All secondary filters begin as copies of the sub-filters, each of the satellite that was used first.
+    fn begin_secondaries(&self, sub: &SubFilters<K, M>, secondaries: &mut Secondaries<K, M>) {
         for (at, member) in self.members.iter().enumerate() {
             for other in self.members.iter().skip(at + 1) {
                 let copy = sub.filters.get(member.place);
@@ -539,7 +659,6 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 }
             }
         }
-        true
     }
 
     /// The nominal was corrected: all filters are now errors of the corrected one.
@@ -550,6 +669,11 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         sub: &mut SubFilters<K, M>,
         secondaries: &mut Secondaries<K, M>,
     ) {
+        for (filter, constellation) in sub.constellations.iter_mut().zip(&self.constellations) {
+            if constellation.is_some() {
+                filter.rereference(correction);
+            }
+        }
         for (at, member) in self.members.iter().enumerate() {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.rereference(correction);

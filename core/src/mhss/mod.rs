@@ -10,9 +10,18 @@
 //! docs/decisions/006-filter-bank.md.
 
 pub mod bank;
+pub mod correlated;
+mod least_squares;
+pub mod probation;
+pub mod protection;
+pub mod selection;
 pub mod separation;
 
 pub use bank::{
-    Bank, BankEpoch, BankRow, BankVerdict, Criterion, MAX_BANK, Secondaries, SubFilters,
+    Bank, BankEpoch, BankRow, BankVerdict, Criterion, Explanation, MAX_BANK, PostfitLimits,
+    Secondaries, SubFilters,
 };
+pub use correlated::{CorrelatedBound, CorrelatedRow};
+pub use probation::Probation;
+pub use protection::{BankAllocation, FaultPriors, LevelForm};
 pub use separation::{Separation, SeparationQuantiles};

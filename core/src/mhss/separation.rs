@@ -16,6 +16,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::bank::MAX_BANK;
+use crate::consts::MAX_CLOCKS;
 use crate::ekf::Filter;
 use crate::ekf::layout::POSITION;
 use crate::stats::{StatsError, normal};
@@ -34,19 +35,54 @@ pub struct Spread {
     pub sigma_m: [f64; 2],
 }
 
-/// Horizontal and vertical one sigma of a position, m; horizontally in the worst direction. Infinite where
-/// the variance is none.
-pub fn sigmas_m<const K: usize, const M: usize>(
+/// Variances of a position or a separation, m²: horizontal, in the worst direction, and vertical.
+pub type Variances = [f64; 2];
+
+/// Variances of a filter's position.
+pub fn position_variances<const K: usize, const M: usize>(
     filter: &Filter<K, M>,
     c_enu_e: &Matrix3<f64>,
-) -> [f64; 2] {
-    variances(&position_covariance(filter), c_enu_e).map(|variance| {
+) -> Variances {
+    variances(&position_covariance(filter), c_enu_e)
+}
+
+/// One sigma of a position, m, from its filter's variance and what comes on top of it. Infinite where that is
+/// no variance.
+pub fn sigmas_of(own: Variances, extra: Variances) -> [f64; 2] {
+    let ([own_h, own_v], [extra_h, extra_v]) = (own, extra);
+    [own_h + extra_h, own_v + extra_v].map(|variance| {
         if variance >= 0.0 {
             libm::sqrt(variance)
         } else {
             f64::INFINITY
         }
     })
+}
+
+/// One sigma of a separation with a variance on top; 0 stays 0 where nothing comes on top.
+pub fn widened(sigma_m: [f64; 2], extra: Variances) -> [f64; 2] {
+    let ([h, v], [extra_h, extra_v]) = (sigma_m, extra);
+    [(h, extra_h), (v, extra_v)].map(|(sigma, extra)| {
+        if extra == 0.0 {
+            sigma
+        } else {
+            let variance = sigma * sigma + extra;
+            if variance.is_nan() {
+                f64::INFINITY
+            } else {
+                libm::sqrt(variance)
+            }
+        }
+    })
+}
+
+/// Horizontal and vertical one sigma of a position, m; horizontally in the worst direction. Infinite where
+/// the variance is none.
+pub fn sigmas_m<const K: usize, const M: usize>(
+    filter: &Filter<K, M>,
+    c_enu_e: &Matrix3<f64>,
+) -> [f64; 2] {
+    sigmas_of(position_variances(filter, c_enu_e), [0.0; 2])
 }
 
 fn position_covariance<const K: usize, const M: usize>(filter: &Filter<K, M>) -> Matrix3<f64> {
@@ -100,6 +136,8 @@ pub struct Separation {
     pub threshold_m: [f64; 2],
     /// Uncertainty a of the sub-filter, m.
     pub uncertainty_m: [f64; 2],
+    /// One sigma of the sub-filter's position, m.
+    pub sigma_m: [f64; 2],
 }
 
 impl Separation {
@@ -108,7 +146,13 @@ impl Separation {
         statistic_m: [0.0; 2],
         threshold_m: [0.0; 2],
         uncertainty_m: [0.0; 2],
+        sigma_m: [0.0; 2],
     };
+
+    /// Whether the horizontal test fails, or the vertical one where that counts.
+    pub fn is_failed(&self, vertical: bool) -> bool {
+        self.fails(0) || vertical && self.fails(1)
+    }
 
     /// Whether the test of an axis fails: 0 horizontal, 1 vertical. Where there is nothing to test it
     /// does not; what is not finite fails.
@@ -122,11 +166,14 @@ impl Separation {
     }
 }
 
-/// Quantiles for every number of satellites in the bank, computed once.
+/// Most tests of an epoch: one per satellite, one per constellation.
+pub const MAX_TESTS: usize = MAX_BANK + MAX_CLOCKS;
+
+/// Quantiles for every number of tests in the bank, computed once.
 #[derive(Clone, Copy, Debug)]
 pub struct SeparationQuantiles {
     /// Q⁻¹(P_FA / 2N) at N − 1.
-    detection: [f64; MAX_BANK],
+    detection: [f64; MAX_TESTS],
     /// Q⁻¹(P_MD).
     missed: f64,
     /// Q⁻¹(P_H0 / 2).
@@ -136,7 +183,7 @@ pub struct SeparationQuantiles {
 impl SeparationQuantiles {
     /// Not computed.
     pub const EMPTY: Self = Self {
-        detection: [f64::INFINITY; MAX_BANK],
+        detection: [f64::INFINITY; MAX_TESTS],
         missed: f64::INFINITY,
         fault_free: f64::INFINITY,
     };
@@ -221,7 +268,7 @@ mod tests {
             let separation = Separation {
                 statistic_m: [0.0, statistic],
                 threshold_m: [1.0, threshold],
-                uncertainty_m: [0.0; 2],
+                ..Separation::ZERO
             };
             assert!(!separation.fails(0) && !separation.fails(2));
             separation.fails(1)
@@ -259,7 +306,7 @@ mod tests {
             assert!(quantiles.detection(n) < quantiles.detection(n + 1));
         }
         assert_eq!(quantiles.detection(0), f64::INFINITY);
-        assert_eq!(quantiles.detection(MAX_BANK + 1), f64::INFINITY);
+        assert_eq!(quantiles.detection(MAX_TESTS + 1), f64::INFINITY);
         let before = quantiles.detection(8);
         for (p_fa, p_md, p_h0) in [(0.0, 0.1, 0.1), (0.1, 1.0, 0.1), (0.1, 0.1, f64::NAN)] {
             assert!(quantiles.fill(p_fa, p_md, p_h0).is_err());

@@ -5,11 +5,44 @@ use super::{
     CLOCKS, CODE_LOCK_M, JOINT, MILLISECOND_M, NEW_OFFSET_SIGMA_M, SEEN_JUMP_M, SEEN_JUMP_SIGMAS,
     TestedSolution, TightMonitor,
 };
-use crate::ekf::MeasurementRow;
 use crate::ekf::layout::{CLOCK_BIAS, FIRST_OFFSET};
 use crate::ekf::navigator::AntennaState;
+use crate::ekf::{Filter, MeasurementRow};
 use crate::gnss::solution::SnapshotSolution;
 use crate::gnss::{CorrectedMeasurement, System};
+
+/// What was done to the clocks of the main filter, to be done to all others alike.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ClockChange {
+    /// Added to the variance of the clock, m².
+    widened_m2: f64,
+    /// Offsets that begin anew, with their variances, m².
+    begun_m2: [Option<f64>; CLOCKS],
+}
+
+impl ClockChange {
+    const NONE: Self = Self {
+        widened_m2: 0.0,
+        begun_m2: [None; CLOCKS],
+    };
+
+    /// Whether there is anything to do.
+    pub(super) fn is_none(&self) -> bool {
+        self.widened_m2 == 0.0 && self.begun_m2.iter().all(Option::is_none)
+    }
+
+    /// Does the same to another filter.
+    pub(super) fn apply(&self, filter: &mut Filter<CLOCKS, JOINT>) {
+        if self.widened_m2 > 0.0 {
+            filter.widen_clock(CLOCK_BIAS, self.widened_m2);
+        }
+        for (clock, variance) in self.begun_m2.iter().enumerate() {
+            if let Some(variance) = variance {
+                filter.reset_clock(clock, *variance);
+            }
+        }
+    }
+}
 
 impl TightMonitor {
     /// Brings the clocks of the nominal up to the epoch before any row is made: follows a jump of the
@@ -19,7 +52,8 @@ impl TightMonitor {
         &mut self,
         at: &mut AntennaState<CLOCKS>,
         tested: Option<&TestedSolution<'_>>,
-    ) {
+    ) -> ClockChange {
+        let mut change = ClockChange::NONE;
         let known = self.offset_is_known;
         let is_known = |column: Option<usize>| {
             column.is_none_or(|column| known.get(column).copied().unwrap_or(false))
@@ -39,6 +73,7 @@ impl TightMonitor {
                 (whole_m, 0.0)
             };
             self.navigator.jump_clock(jump_m, sigma_m);
+            change.widened_m2 = sigma_m * sigma_m;
             if let Some(bias) = at.clock.get_mut(CLOCK_BIAS) {
                 *bias += jump_m;
             }
@@ -60,6 +95,9 @@ impl TightMonitor {
             if let Some(known) = self.offset_is_known.get_mut(column) {
                 *known = true;
             }
+            if let Some(begun) = change.begun_m2.get_mut(column) {
+                *begun = Some(NEW_OFFSET_SIGMA_M * NEW_OFFSET_SIGMA_M);
+            }
         }
         let systems = self.systems;
         self.corrected.rows.retain(|measurement| {
@@ -67,6 +105,7 @@ impl TightMonitor {
             innovation_m(measurement, at, offset)
                 .is_some_and(|innovation_m| libm::fabs(innovation_m) <= CODE_LOCK_M)
         });
+        change
     }
 
     /// How far the clock jumped by the snapshot solution, which knows no earlier clock.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{CLOCKS, JOINT, MonitorSecondaries, TightMonitor, TightSolution};
+use super::{BankMemory, CLOCKS, JOINT, MonitorFastFilters, TightMonitor, TightSolution};
 use crate::ekf::navigator::AntennaState;
 use crate::ekf::{MeasurementRow, UpdateSummary};
 use crate::frames::geodesy;
@@ -13,19 +13,19 @@ use crate::mhss::bank::{Bank, BankEpoch, BankRow, BankVerdict, Criterion};
 use crate::time::GpsTime;
 
 impl TightMonitor {
-    /// An epoch of a scenario folder: with a memory for the secondary filters through the bank, without
-    /// one through the main filter alone.
+    /// An epoch of a scenario folder: with a memory for its filters through the bank, without one through
+    /// the main filter alone.
     #[inline(never)]
     pub fn on_corrected(
         &mut self,
         epoch: &CorrectedEpoch,
-        secondaries: Option<&mut MonitorSecondaries>,
+        memory: Option<BankMemory<'_>>,
     ) -> Option<TightSolution> {
         self.meets(epoch.time)?;
         let reference = self.reference?;
         let at = self.navigator.predict(epoch.time);
         self.bank_verdict = None;
-        let Some(secondaries) = secondaries else {
+        let Some(memory) = memory else {
             self.corrected.time = epoch.time;
             self.corrected.rows.clone_from(&epoch.rows);
             return self.finish(&at);
@@ -41,19 +41,17 @@ impl TightMonitor {
                 });
             }
         }
-        let solution = self
-            .run_bank(&at, &reference, secondaries)
-            .and_then(|summary| {
-                let used = self.bank.satellites();
-                let absent = [false; System::ALL.len()];
-                let at = self.navigator.antenna(epoch.time);
-                let mut solution = self.solution(&at, &summary, used, absent)?;
-                // As the bank's levels: before an exclusion.
-                if let Some((_, verdict)) = &self.bank_verdict {
-                    solution.navigation.fault_free_m = verdict.fault_free_m;
-                }
-                Some(solution)
-            });
+        let solution = self.run_bank(&at, &reference, memory).and_then(|summary| {
+            let used = self.bank.satellites();
+            let absent = [false; System::ALL.len()];
+            let at = self.navigator.antenna(epoch.time);
+            let mut solution = self.solution(&at, &summary, used, absent)?;
+            // As the bank's levels: before an exclusion.
+            if let Some((_, verdict)) = &self.bank_verdict {
+                solution.navigation.fault_free_m = verdict.fault_free_m;
+            }
+            Some(solution)
+        });
         if solution.is_none() {
             self.lose(InertialStatus::Unhealthy);
         }
@@ -65,18 +63,17 @@ impl TightMonitor {
         &mut self,
         at: &AntennaState<CLOCKS>,
         reference: &ReferenceModel,
-        secondaries: &mut MonitorSecondaries,
+        memory: BankMemory<'_>,
     ) -> Option<UpdateSummary> {
         let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
         let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
+        let BankMemory { fast, secondaries } = memory;
+        let MonitorFastFilters { main, sub } = fast;
         let Self {
-            bank,
-            sub_filters: sub,
-            navigator,
-            ..
+            bank, navigator, ..
         } = self;
         bank.predict(navigator.transition(), sub, secondaries);
-        let (information, main) = navigator.information_and_filter();
+        navigator.lend(main);
         bank.admit(
             &BankEpoch {
                 time: at.time,
@@ -86,11 +83,10 @@ impl TightMonitor {
             main,
             sub,
             secondaries,
-            information,
+            navigator.information_mut(),
         );
-        let summary = navigator.update_filter();
+        let summary = navigator.update_lent(main);
         bank.update(sub, secondaries);
-        let (_, main) = navigator.information_and_filter();
         let criterion = Criterion {
             quantiles: &self.quantiles,
             vertical: reference.detect_vertical,
@@ -101,6 +97,7 @@ impl TightMonitor {
             bank.exclude(satellite, main, sub, secondaries);
         }
         self.bank_verdict = Some((at.time, verdict));
+        navigator.take_back(main);
         let correction = navigator.finish().ok()?;
         bank.rereference(&correction, sub, secondaries);
         Some(summary)

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
+use crate::integrity::Phase;
 use std::boxed::Box;
 
 /// INT-013.
@@ -67,7 +68,7 @@ fn at(milliseconds: i64) -> GpsTime {
 
 fn running() -> Box<TightMonitor> {
     let mut tight = Box::new(TightMonitor::EMPTY);
-    tight.configure(&UNIT, 1e-7).unwrap();
+    tight.configure(&UNIT, &Phase::Npa.requirements()).unwrap();
     let state = InitialState {
         time: at(0),
         r_eb_e_m: [6_378_137.0, 0.0, 0.0],

@@ -4,7 +4,7 @@ use crate::ring::Ring;
 use static_cell::ConstStaticCell;
 use surefix_core::bank_report::BankReport;
 use surefix_core::monitor::Monitor;
-use surefix_core::tight::MonitorSecondaries;
+use surefix_core::tight::{MonitorFastFilters, MonitorSecondaries};
 
 /// Receiver bytes the ring holds: 178 ms at 921,600 baud.
 pub const RECEIVED_CAPACITY: usize = 16384;
@@ -20,6 +20,9 @@ static MONITOR: ConstStaticCell<Monitor> = ConstStaticCell::new(Monitor::EMPTY);
 /// What the bank found at an epoch, on its way out.
 static BANK: ConstStaticCell<BankReport> = ConstStaticCell::new(BankReport::EMPTY);
 
+/// F00 and F0n.
+static FAST: ConstStaticCell<MonitorFastFilters> = ConstStaticCell::new(MonitorFastFilters::EMPTY);
+
 /// The secondary filters.
 #[cfg(feature = "board-mps2")]
 static SECONDARIES: ConstStaticCell<MonitorSecondaries> =
@@ -29,6 +32,8 @@ static SECONDARIES: ConstStaticCell<MonitorSecondaries> =
 pub struct Memory {
     /// All state of surefix but the secondary filters.
     pub monitor: &'static mut Monitor,
+    /// F00 and F0n.
+    pub fast: &'static mut MonitorFastFilters,
     /// The secondary filters, on a board that has room for them.
     pub secondaries: Option<&'static mut MonitorSecondaries>,
     /// What the bank found at an epoch.
@@ -40,6 +45,7 @@ impl Memory {
     pub fn take() -> Option<Self> {
         Some(Self {
             monitor: MONITOR.try_take()?,
+            fast: FAST.try_take()?,
             #[cfg(feature = "board-mps2")]
             secondaries: SECONDARIES.try_take(),
             #[cfg(not(feature = "board-mps2"))]

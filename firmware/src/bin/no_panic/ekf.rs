@@ -123,7 +123,11 @@ fn navigator(config: &InertialConfig, state: &InitialState, measurement: &Correc
     call1(Navigator::update, &mut navigator);
     call1(Navigator::update_filter, &mut navigator);
     call1(Navigator::finish, &mut navigator);
-    black_box(Navigator::information_and_filter(black_box(&mut navigator)));
+    black_box(Navigator::information_mut(black_box(&mut navigator)));
+    let mut lent = Filter::EMPTY;
+    call2(Navigator::lend, &navigator, &mut lent);
+    call2(Navigator::update_lent, &mut navigator, &mut lent);
+    call2(Navigator::take_back, &mut navigator, &lent);
     call3(Navigator::jump_clock, &mut navigator, 0.0, 0.0);
     call4(Navigator::reset_clock, &mut navigator, 0, 0.0, 0.0);
     call1(Navigator::filter, &navigator);

@@ -18,7 +18,7 @@ use surefix_core::ins::{
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
 use surefix_core::snapshot::SnapshotMonitor;
-use surefix_core::tight::{MonitorSecondaries, TightMonitor};
+use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries, TightMonitor};
 use surefix_core::time::GpsTime;
 
 pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharParameters) {
@@ -176,11 +176,14 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::tight, &monitor);
     let report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
     call2(report::encode, &report, out);
-    let mut secondaries = MonitorSecondaries::EMPTY;
+    let (mut fast, mut secondaries) = (MonitorFastFilters::EMPTY, MonitorSecondaries::EMPTY);
     let report = Monitor::process_with(
         black_box(&mut monitor),
         &mut NoCounter,
-        black_box(Some(&mut secondaries)),
+        black_box(Some(BankMemory {
+            fast: &mut fast,
+            secondaries: &mut secondaries,
+        })),
     );
     call2(report::encode, &report, out);
 
@@ -202,7 +205,12 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
 
 fn tight() {
     let mut tight = TightMonitor::EMPTY;
-    call3(TightMonitor::configure, &mut tight, &UNIT, 1e-7);
+    call3(
+        TightMonitor::configure,
+        &mut tight,
+        &UNIT,
+        &Phase::Npa.requirements(),
+    );
     call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
     call3(
         TightMonitor::on_corrected,

@@ -1,14 +1,10 @@
-//! `surefix campaign`: many trials of one question, counted.
+//! Steps on satellites of a day of recording: `surefix campaign esbc-steps`.
 //!
-//! | name | trials |
-//! |---|---|
-//! | `esbc-steps` | steps of [`MAGNITUDES_M`] on a day of recording at [`TIMES_OF_DAY`] times: on each satellite in turn, and on two and three at once, drawn with random signs, as many trials |
-//! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] |
-//!
-//! The recording is decoded once; at each time the monitor assesses the epoch anew for every trial, so
-//! a trial costs one epoch's work. Results of shards are added by `campaign merge`.
+//! Steps of [`MAGNITUDES_M`] at [`TIMES_OF_DAY`] times: on each satellite in turn, and on two and three at
+//! once, drawn with random signs, as many trials. The recording is decoded once; at each time the
+//! monitor assesses the epoch anew for every trial, so a trial costs one epoch's work.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use rand_chacha::ChaCha8Rng;
@@ -22,7 +18,6 @@ use surefix_core::gnss::{
 use surefix_core::integrity::Integrity;
 use surefix_core::snapshot::{Assessment, SnapshotMonitor};
 
-use crate::consistency::study::{self, Study};
 use crate::source::{Item, Recording};
 use crate::truth::Truth;
 
@@ -131,34 +126,6 @@ impl Cell {
             self.missed_above_level += u64::from(!detected);
         }
     }
-}
-
-/// Trials of `filter-consistency` unless told otherwise.
-const CONSISTENCY_TRIALS: u64 = 200;
-
-/// Result of `filter-consistency`.
-#[derive(Serialize)]
-struct ConsistencyResult {
-    campaign: &'static str,
-    seed: u64,
-    studies: Vec<Study>,
-}
-
-fn filter_consistency(args: &Args) -> Result<()> {
-    if args.shard.is_some() {
-        bail!("filter-consistency has no shards: give runs of different --seed instead");
-    }
-    let studies = study::studies(args.seed, args.trials.unwrap_or(CONSISTENCY_TRIALS))?;
-    print!("{}", study::table(&studies, 0.99));
-    let result = ConsistencyResult {
-        campaign: "filter-consistency",
-        seed: args.seed,
-        studies,
-    };
-    std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
-        .with_context(|| format!("cannot write {}", args.out.display()))?;
-    println!("written: {}", args.out.display());
-    Ok(())
 }
 
 /// Result of a campaign or of a shard of one.
@@ -458,118 +425,10 @@ pub fn merge(results: &[CampaignResult]) -> Result<CampaignResult> {
     Ok(whole)
 }
 
-/// Constellations of a campaign unless told otherwise: those it is accepted with.
-const DEFAULT_SYSTEMS: &str = "GC";
-
-/// Arguments of `surefix campaign`.
-#[derive(Clone, Debug, clap::Args)]
-#[command(mut_arg("systems", |systems| systems.help(format!(
-    "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
-))))]
-pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency), or `merge` to add results of shards
-    pub name: String,
-    /// Results to merge
-    pub files: Vec<PathBuf>,
-    /// Most trials per cell, at least 1; without it every satellite at every time of day, or 200
-    /// flights
-    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
-    pub trials: Option<u64>,
-    /// Seed of everything random
-    #[arg(long, default_value_t = 1)]
-    pub seed: u64,
-    /// Run shard I of K, I from 1
-    #[arg(long, value_name = "I/K")]
-    pub shard: Option<String>,
-    /// Directory with the recording
-    #[arg(
-        long,
-        value_name = "DIR",
-        default_value = "../shared/data/esbc-2020-177"
-    )]
-    pub data: PathBuf,
-    #[command(flatten)]
-    /// The monitor's settings
-    pub settings: crate::settings::Settings,
-    /// JSON file to write
-    #[arg(long, value_name = "FILE")]
-    pub out: PathBuf,
-}
-
 /// The day of recording at Esbjerg in a directory.
 pub fn esbc(directory: &Path, config: &Config) -> Result<Recording> {
     let observations = directory.join("ESBC00DNK_R_20201770000_01D_30S_MO.crx.gz");
     let navigation = directory.join("ESBC00DNK_R_20201770000_01D_MN.rnx.gz");
     Recording::read(&observations, &[navigation], config)
         .context("the recording ESBC, 2020 day 177, is needed: tell where it is with --data")
-}
-
-/// `surefix campaign`.
-///
-/// # Errors
-/// When the arguments or the files are unusable; the message tells what to do.
-pub fn run(args: &Args) -> Result<()> {
-    let result = match args.name.as_str() {
-        "merge" => {
-            check_out(&args.out)?;
-            let results: Result<Vec<CampaignResult>> = args.files.iter().map(|f| read(f)).collect();
-            merge(&results?)?
-        }
-        "esbc-steps" => {
-            check_out(&args.out)?;
-            let mut settings = args.settings.clone();
-            settings
-                .systems
-                .get_or_insert_with(|| DEFAULT_SYSTEMS.into());
-            let config = settings.config()?;
-            let recording = esbc(&args.data, &config)?;
-            let mut options = StepsOptions::new(config, args.seed);
-            options.trials = args.trials;
-            if let Some(shard) = &args.shard {
-                options.shard = parse_shard(shard)?;
-            }
-            steps(&recording, &options)?
-        }
-        "filter-consistency" => {
-            check_out(&args.out)?;
-            return filter_consistency(args);
-        }
-        other => {
-            bail!("there is no campaign \"{other}\": take esbc-steps, filter-consistency, or merge")
-        }
-    };
-    std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
-        .with_context(|| format!("cannot write {}", args.out.display()))?;
-    print!("{}", table(&result));
-    println!("written: {}", args.out.display());
-    Ok(())
-}
-
-/// Refuses a file that could not be written, before the trials take their minutes.
-fn check_out(file: &Path) -> Result<()> {
-    // The parent of a bare file name is the empty path.
-    let parent = file.parent().filter(|p| !p.as_os_str().is_empty());
-    if file.is_dir() || parent.is_some_and(|parent| !parent.is_dir()) {
-        bail!(
-            "cannot write {}: give a file in a directory that exists with --out",
-            file.display()
-        );
-    }
-    Ok(())
-}
-
-fn read(path: &Path) -> Result<CampaignResult> {
-    let text =
-        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
-    serde_json::from_str(&text).with_context(|| format!("{} is no campaign result", path.display()))
-}
-
-fn parse_shard(text: &str) -> Result<(u64, u64)> {
-    let parts = text.split_once('/').and_then(|(i, k)| {
-        let (i, k): (u64, u64) = (i.parse().ok()?, k.parse().ok()?);
-        (i >= 1 && i <= k).then_some((i - 1, k))
-    });
-    parts.with_context(|| {
-        format!("--shard \"{text}\" is not I/K with I from 1 to K, for example 2/8")
-    })
 }

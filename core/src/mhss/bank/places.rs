@@ -1,0 +1,215 @@
+//! Who has a place in the bank: what a recording needs beyond births and deaths.
+
+use super::{Bank, MAX_BANK, Secondaries, SubFilters};
+use crate::ekf::{Filter, MeasurementRow};
+use crate::gnss::{Satellite, SatelliteSet, System};
+use crate::mhss::protection::{FaultPriors, Hypothesis};
+use crate::time::GpsTime;
+
+impl<const K: usize, const M: usize> Bank<K, M> {
+    /// Whether a satellite has a place.
+    pub fn has(&self, satellite: Satellite) -> bool {
+        self.place_of(satellite).is_some()
+    }
+
+    /// The satellite that has been missing longest, if one is held.
+    pub fn missing_longest(&self) -> Option<Satellite> {
+        let mut longest: Option<(GpsTime, Satellite)> = None;
+        for member in &self.members {
+            if let Some(since) = member.missing_since
+                && longest.is_none_or(|(earliest, _)| since.ns() < earliest.ns())
+            {
+                longest = Some((since, member.satellite));
+            }
+        }
+        longest.map(|(_, satellite)| satellite)
+    }
+
+    /// Takes a satellite's place away without calling it faulty: F00 ← F0n, so that no filter holds anything
+    /// of it afterwards and no fault of it can hide in the main filter. The secondaries begin anew, as after an
+    /// exclusion. After [`Bank::predict`], before [`Bank::admit`].
+    #[inline(never)]
+    pub fn evict(
+        &mut self,
+        satellite: Satellite,
+        main: &mut Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> Option<usize> {
+        let member = self.remove(satellite, main, sub, secondaries)?;
+        Some(member.place)
+    }
+
+    /// Keeps satellites that are missing as long as what they left in the main filter can be seen: as long as
+    /// a horizontal threshold is above `worth_m`.
+    pub fn hold_on(&mut self, now: GpsTime, hold_ns: i64, worth_m: f64) {
+        for member in &mut self.members {
+            let [threshold_m, _] = member.separation.threshold_m;
+            let ends = |since: GpsTime| now.ns().saturating_sub(since.ns()) >= hold_ns;
+            if member.missing_since.is_some_and(ends) && !(threshold_m <= worth_m) {
+                member.missing_since = Some(now);
+            }
+        }
+    }
+
+    /// The place of a satellite.
+    pub fn place(&self, satellite: Satellite) -> Option<usize> {
+        self.place_of(satellite)
+    }
+
+    /// Leaves two satellites out: the filter without both becomes the main one and all others begin as
+    /// copies of it. False when one is not in the bank.
+    #[inline(never)]
+    pub fn exclude_two(
+        &mut self,
+        satellites: [Satellite; 2],
+        main: &mut Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> bool {
+        let Some(filter) = self.secondary(satellites, secondaries) else {
+            return false;
+        };
+        main.clone_from(filter);
+        self.members
+            .retain(|member| !satellites.contains(&member.satellite));
+        for satellite in satellites {
+            self.excluded.insert(satellite);
+            self.readmitted.remove(satellite);
+        }
+        self.begin_all(main, sub, secondaries);
+        true
+    }
+
+    /// Leaves a constellation out: the filter without it becomes the main one and all others begin as copies
+    /// of it. False when it has no filter.
+    #[inline(never)]
+    pub fn exclude_constellation(
+        &mut self,
+        system: System,
+        main: &mut Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> bool {
+        let at = system.index();
+        let (Some(filter), Some(Some(_))) =
+            (sub.constellations.get(at), self.constellations.get(at))
+        else {
+            return false;
+        };
+        main.clone_from(filter);
+        for member in &self.members {
+            if member.satellite.system() == system {
+                self.excluded.insert(member.satellite);
+                self.readmitted.remove(member.satellite);
+            }
+        }
+        self.members
+            .retain(|member| member.satellite.system() != system);
+        self.begin_all(main, sub, secondaries);
+        true
+    }
+
+    /// All filters begin as copies of the main one. Rows of this epoch are forgotten.
+    fn begin_all(
+        &mut self,
+        main: &Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) {
+        self.rows = [None; MAX_BANK];
+        for member in &self.members {
+            if let Some(own) = sub.filters.get_mut(member.place) {
+                own.clone_from(main);
+            }
+        }
+        for (own, place) in sub.constellations.iter_mut().zip(&self.constellations) {
+            if place.is_some() {
+                own.clone_from(main);
+            }
+        }
+        self.begin_secondaries(sub, secondaries);
+    }
+
+    /// An excluded satellite may have a place again.
+    pub fn readmit(&mut self, satellite: Satellite) {
+        if self.excluded.contains(satellite) {
+            self.excluded.remove(satellite);
+            self.readmitted.insert(satellite);
+        }
+    }
+
+    /// Satellites that were excluded once and taken back.
+    pub const fn readmitted(&self) -> SatelliteSet {
+        self.readmitted
+    }
+
+    /// The hypotheses that have a filter, with their prior probabilities.
+    pub fn hypotheses<'a>(
+        &'a self,
+        priors: &'a FaultPriors,
+    ) -> impl Iterator<Item = Hypothesis<'a>> {
+        let satellites = self.members.iter().map(|member| Hypothesis {
+            separation: &member.separation,
+            probability: if self.readmitted.contains(member.satellite) {
+                priors.readmitted
+            } else {
+                priors.satellite
+            },
+        });
+        let constellations = self.constellations.iter().zip(&priors.constellation);
+        satellites.chain(constellations.filter_map(|(separation, probability)| {
+            Some(Hypothesis {
+                separation: separation.as_ref()?,
+                probability: *probability,
+            })
+        }))
+    }
+
+    /// Probability of the faults that no filter stands for: two satellites at once, GPS as a whole where it
+    /// is alone. That another constellation is faulty as a whole cannot be told where it is alone, and is not
+    /// reckoned with there, as receiver-autonomous monitoring does not.
+    pub fn p_unmonitored(&self, priors: &FaultPriors) -> f64 {
+        let gps = System::Gps.index();
+        let gps_is_alone = self.constellations.get(gps).is_none_or(Option::is_none);
+        let of_gps = priors.constellation.get(gps).copied().unwrap_or(0.0);
+        priors.pairs(self.members.len()) + if gps_is_alone { of_gps } else { 0.0 }
+    }
+
+    /// Places whose filters began at this epoch.
+    pub fn begun(&self) -> impl Iterator<Item = usize> + '_ {
+        let new = self.members.iter().filter(|member| member.is_new);
+        new.map(|member| member.place)
+    }
+
+    /// The satellites of the epoch that have a place, with it and their rows.
+    pub fn present(&self) -> impl Iterator<Item = (usize, Satellite, &MeasurementRow<M>)> {
+        let members = self.members.iter().zip(&self.rows);
+        members.filter_map(|(member, row)| Some((member.place, member.satellite, row.as_ref()?)))
+    }
+
+    /// Does the same to all filters but the main one, as when the receiver clock jumps.
+    pub fn for_each_filter(
+        &self,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+        mut change: impl FnMut(&mut Filter<K, M>),
+    ) {
+        for (filter, place) in sub.constellations.iter_mut().zip(&self.constellations) {
+            if place.is_some() {
+                change(filter);
+            }
+        }
+        for (at, member) in self.members.iter().enumerate() {
+            if let Some(filter) = sub.filters.get_mut(member.place) {
+                change(filter);
+            }
+            for other in self.members.iter().skip(at + 1) {
+                let pair = super::pair(member.place, other.place);
+                if let Some(filter) = secondaries.filters.get_mut(pair) {
+                    change(filter);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,504 @@
+//! An epoch of a recording or of a flight through the bank of filters: the product's model.
+//!
+//! ```text
+//! rows of the snapshot's satellites ─► places ─► predict, update all ─► correlated part ─► tests
+//!   ─► one satellite, two, a constellation excluded │ alert ─► levels ─► opinion
+//! ```
+//!
+//! A scenario folder is run by `scenario.rs` instead: white noise, no rule of places, no re-admission.
+//! Choices: docs/decisions/006-filter-bank.md, 008-correlated-noise.md, 009-risk.md.
+
+use heapless::Vec;
+use nalgebra::{Matrix3, Vector3};
+
+use super::clocks::offset_of;
+use super::{
+    BankMemory, CLOCKS, JOINT, MAX_LEAD_NS, MonitorFastFilters, TestedSolution, TightMonitor,
+    TightSolution,
+};
+use crate::consts::MAX_SATELLITES;
+use crate::ekf::navigator::AntennaState;
+use crate::ekf::{Filter, MeasurementRow, UpdateSummary};
+use crate::frames::geodesy;
+use crate::gnss::solution::SnapshotWorkspace;
+use crate::gnss::{Satellite, SatelliteSet, System};
+use crate::integrity::{BankOpinion, InertialStatus, PhaseRequirements};
+use crate::mhss::bank::{self, BankEpoch, BankRow, BankVerdict, Criterion};
+use crate::mhss::probation::predicted_variance;
+use crate::mhss::protection::{self, BankAllocation, FaultPriors};
+use crate::mhss::{
+    CorrelatedBound, CorrelatedRow, Explanation, LevelForm, PostfitLimits, Probation, selection,
+};
+use crate::stats::{StatsError, normal};
+use crate::time::{GpsTime, NS_PER_S};
+
+/// How long the filters of a satellite that vanished are kept at least, ns.
+const HOLD_NS: i64 = 120 * NS_PER_S;
+/// They are kept on as long as their threshold is above this, m: what the satellite may have left in the
+/// main filter unseen.
+const HOLD_WORTH_M: f64 = 0.5;
+/// Shortest time between two satellites that give up their places for better ones, ns: the filters of the
+/// pairs begin anew each time.
+const SWAP_INTERVAL_NS: i64 = 60 * NS_PER_S;
+/// After a fault of two satellites or a constellation all filters begin as copies of one, and are blind for
+/// what it holds; by then it has forgotten, ns.
+const BLIND_NS: i64 = 120 * NS_PER_S;
+/// An alert that nothing explains for this long ends tight mode, ns: a filter with a fault in it does not
+/// get rid of it by itself.
+const MAX_ALERT_NS: i64 = 60 * NS_PER_S;
+/// Probability that satellites without a fault do not fit after an exclusion of two or of a constellation.
+const P_POSTFIT: f64 = 1.0e-3;
+/// Variance of the correlated part of a pseudorange error over the variance that the filters take for white:
+/// both are the whole of the independent error (docs/decisions/008-correlated-noise.md).
+const CORRELATED_RATIO: f64 = 1.0;
+
+/// What the bank needs on recordings, besides its filters.
+#[derive(Debug)]
+pub(super) struct RecordingBank {
+    correlated: CorrelatedBound,
+    form: LevelForm,
+    priors: FaultPriors,
+    postfit: PostfitLimits,
+    probation: Probation,
+    last_swap: Option<GpsTime>,
+    blind_since: Option<GpsTime>,
+    alert_since: Option<GpsTime>,
+    /// What an error common to the satellites of the epoch does to each, m.
+    common_m: Vec<(Satellite, f64), MAX_SATELLITES>,
+    opinion: Option<BankOpinion>,
+}
+
+impl RecordingBank {
+    /// Not configured.
+    pub(super) const EMPTY: Self = Self {
+        correlated: CorrelatedBound::NONE,
+        form: LevelForm::Fixed {
+            k_fault_free: f64::INFINITY,
+        },
+        priors: FaultPriors::PRESET,
+        postfit: PostfitLimits::EMPTY,
+        probation: Probation::EMPTY,
+        last_swap: None,
+        blind_since: None,
+        alert_since: None,
+        common_m: Vec::new(),
+        opinion: None,
+    };
+
+    /// The filters begin anew.
+    pub(super) fn start(&mut self) {
+        self.correlated.start(CORRELATED_RATIO, [0.0; 2]);
+        self.probation.clear();
+        self.last_swap = None;
+        self.blind_since = None;
+        self.alert_since = None;
+        self.opinion = None;
+    }
+}
+
+/// What an error common to the satellites does to one of them, m.
+fn of_satellite(common_m: &[(Satellite, f64)], satellite: Satellite) -> f64 {
+    let found = common_m.iter().find(|(of, _)| *of == satellite);
+    found.map_or(0.0, |(_, common_m)| *common_m)
+}
+
+/// What an epoch of the bank is made of, besides the filters.
+struct EpochPlace {
+    time: GpsTime,
+    c_enu_e: Matrix3<f64>,
+}
+
+impl TightMonitor {
+    /// Takes the risks of a phase of flight apart.
+    pub(super) fn allocate(&mut self, requirements: &PhaseRequirements) -> Result<(), StatsError> {
+        let PhaseRequirements {
+            val_m,
+            p_md,
+            p_fault_free,
+            exposure_s,
+            p_integrity,
+            p_false_alert,
+            ..
+        } = *requirements;
+        let allocation =
+            BankAllocation::new(exposure_s, p_integrity, p_false_alert, val_m.is_some());
+        self.quantiles
+            .fill(allocation.p_false_alert, p_md, p_fault_free)?;
+        self.recording.postfit.fill(P_POSTFIT)?;
+        self.recording.form = LevelForm::Budget(allocation.budget);
+        self.k_fault_free = normal::upper_quantile(0.5 * p_fault_free)?;
+        Ok(())
+    }
+
+    /// Satellites that the bank has excluded: no opinion uses them.
+    pub(crate) fn excluded(&self) -> SatelliteSet {
+        self.bank.excluded()
+    }
+
+    /// What the bank said of the last epoch of a recording, if it ran.
+    pub fn opinion(&self) -> Option<&BankOpinion> {
+        self.recording.opinion.as_ref()
+    }
+
+    /// An epoch of the receiver, with the bank. `withheld` are satellites that the snapshot excluded at this
+    /// epoch: they enter no filter.
+    ///
+    /// `None` where the snapshot solution serves alone; [`TightMonitor::status`] says why.
+    #[inline(never)]
+    pub(crate) fn on_epoch_with_bank(
+        &mut self,
+        time: GpsTime,
+        workspace: &mut SnapshotWorkspace,
+        withheld: SatelliteSet,
+        tested: Option<&TestedSolution<'_>>,
+        memory: BankMemory<'_>,
+    ) -> Option<TightSolution> {
+        self.recording.opinion = None;
+        self.bank_verdict = None;
+        self.meets(time)?;
+        let mut at = self.navigator.predict(time);
+        let BankMemory { fast, secondaries } = memory;
+        let transition = self.navigator.transition();
+        self.bank.predict(transition, &mut fast.sub, secondaries);
+        // A place that is no place for a receiver shows in the rows: there are none.
+        if workspace
+            .corrected(at.r_e_m, at.v_e_mps, withheld, &mut self.corrected)
+            .is_err()
+        {
+            self.corrected.rows.clear();
+        }
+        self.take_sigmas(workspace);
+        let change = self.prepare_clocks(&mut at, tested);
+        if !change.is_none() {
+            self.bank
+                .for_each_filter(&mut fast.sub, secondaries, |filter| change.apply(filter));
+        }
+        self.make_rows(&at);
+        self.finish_with_bank(&at, BankMemory { fast, secondaries }, tested.is_some())
+    }
+
+    /// An epoch was due at `due` and the receiver gave none: all filters go on without it.
+    #[inline(never)]
+    pub(crate) fn on_silence_with_bank(
+        &mut self,
+        due: GpsTime,
+        memory: BankMemory<'_>,
+    ) -> Option<TightSolution> {
+        self.recording.opinion = None;
+        self.bank_verdict = None;
+        let at = self.remembered.take().filter(|at| at.time == due)?;
+        if !self.is_running() {
+            return None;
+        }
+        self.navigator.predict(self.navigator.time());
+        let BankMemory { fast, secondaries } = memory;
+        let transition = self.navigator.transition();
+        self.bank.predict(transition, &mut fast.sub, secondaries);
+        self.rows.clear();
+        self.finish_with_bank(&at, BankMemory { fast, secondaries }, false)
+    }
+
+    /// The filters take the independent part of each error; the common one goes into the bound.
+    fn take_sigmas(&mut self, workspace: &SnapshotWorkspace) {
+        let factors = self.config.as_ref().map(|config| config.measurement);
+        let factor = factors.map_or(1.0, |factors| factors.pseudorange);
+        let range_rate_factor = factors.map_or(1.0, |factors| factors.range_rate);
+        let common_m = &mut self.recording.common_m;
+        common_m.clear();
+        for row in &mut self.corrected.rows {
+            if let Some(sigma) = workspace.sigma(row.satellite) {
+                row.sigma_pseudorange_m = sigma.independent_m;
+                // As many as rows.
+                let _ = common_m.push((row.satellite, factor * sigma.common_m));
+            }
+        }
+        self.corrected.scale_sigmas(factor, range_rate_factor);
+    }
+
+    fn make_rows(&mut self, at: &AntennaState<CLOCKS>) {
+        self.rows.clear();
+        for measurement in &self.corrected.rows {
+            let offset = offset_of(&self.systems, measurement.satellite.system());
+            let row = MeasurementRow::new(measurement, at.r_e_m, at.v_e_mps, &at.clock, offset);
+            if let Some(row) = row {
+                // As many rows as satellites in an epoch, so it fits.
+                let _ = self.rows.push(BankRow {
+                    satellite: measurement.satellite,
+                    row,
+                });
+            }
+        }
+    }
+
+    /// Rows through all filters, tests, exclusion, levels, feedback; then the solution.
+    fn finish_with_bank(
+        &mut self,
+        at: &AntennaState<CLOCKS>,
+        memory: BankMemory<'_>,
+        is_tested: bool,
+    ) -> Option<TightSolution> {
+        let solution = self.run_recording(at, memory).and_then(|summary| {
+            let mut used = SatelliteSet::EMPTY;
+            let mut present = [false; System::ALL.len()];
+            for (_, satellite, _) in self.bank.present() {
+                used.insert(satellite);
+                if let Some(present) = present.get_mut(satellite.system().index()) {
+                    *present = true;
+                }
+            }
+            let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
+            let told = if passed_ns > MAX_LEAD_NS {
+                *at
+            } else {
+                self.navigator.antenna(at.time)
+            };
+            self.solution(&told, &summary, used, present)
+        });
+        if solution.is_none() {
+            self.recording.opinion = None;
+            self.lose(InertialStatus::Unhealthy);
+            return None;
+        }
+        self.end_long_alert(at.time, is_tested);
+        solution
+    }
+
+    /// An alert that nothing explains, while the snapshot passes its tests, ends tight mode after a while.
+    fn end_long_alert(&mut self, now: GpsTime, is_tested: bool) {
+        let is_alerted = self
+            .recording
+            .opinion
+            .is_some_and(|opinion| opinion.is_alerted);
+        if !is_alerted {
+            self.recording.alert_since = None;
+            return;
+        }
+        let since = *self.recording.alert_since.get_or_insert(now);
+        if is_tested && now.ns().saturating_sub(since.ns()) >= MAX_ALERT_NS {
+            // Its attitude is not what is wrong with it.
+            let attitude = (self.navigator.mechanisation().q_e_b, self.navigator.time());
+            self.lose(InertialStatus::Unhealthy);
+            self.last_attitude = Some(attitude);
+        }
+    }
+
+    fn run_recording(
+        &mut self,
+        at: &AntennaState<CLOCKS>,
+        memory: BankMemory<'_>,
+    ) -> Option<UpdateSummary> {
+        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
+        let place = EpochPlace {
+            time: at.time,
+            c_enu_e: geodesy::c_enu_e(llh.lat_rad, llh.lon_rad),
+        };
+        let BankMemory { fast, secondaries } = memory;
+        let MonitorFastFilters { main, sub } = fast;
+        self.navigator.lend(main);
+        self.give_places(&place, main, sub, secondaries);
+        let Self {
+            bank,
+            navigator,
+            recording,
+            ..
+        } = self;
+        let summary = navigator.update_lent(main);
+        bank.update_constellations(sub);
+        bank.update(sub, secondaries);
+        solve_correlated(bank, recording, &place.c_enu_e);
+        self.judge(&place, main, sub, secondaries);
+        self.observe_excluded(place.time, main);
+        self.navigator.take_back(main);
+        let correction = self.navigator.finish().ok()?;
+        self.bank.rereference(&correction, sub, secondaries);
+        Some(summary)
+    }
+
+    /// Selection, eviction, births, deaths.
+    fn give_places(
+        &mut self,
+        place: &EpochPlace,
+        main: &mut Filter<CLOCKS, JOINT>,
+        sub: &mut bank::SubFilters<CLOCKS, JOINT>,
+        secondaries: &mut bank::Secondaries<CLOCKS, JOINT>,
+    ) {
+        let Self {
+            bank,
+            navigator,
+            recording,
+            rows,
+            ..
+        } = self;
+        let may_swap = recording
+            .last_swap
+            .is_none_or(|last| place.time.ns().saturating_sub(last.ns()) >= SWAP_INTERVAL_NS);
+        if let Some(leaving) = selection::select(bank, rows, may_swap)
+            && let Some(left) = bank.evict(leaving, main, sub, secondaries)
+        {
+            recording.correlated.exclude(left);
+            recording.last_swap = Some(place.time);
+        }
+        bank.hold_on(place.time, HOLD_NS, HOLD_WORTH_M);
+        bank.admit(
+            &BankEpoch {
+                time: place.time,
+                rows,
+                hold_ns: HOLD_NS,
+            },
+            main,
+            sub,
+            secondaries,
+            navigator.information_mut(),
+        );
+        for begun in bank.begun() {
+            recording.correlated.begin(begun);
+        }
+        let begun = bank.monitor_constellations(main, sub);
+        for (constellation, begins) in begun.into_iter().enumerate() {
+            if begins {
+                recording.correlated.begin_constellation(constellation);
+            }
+        }
+    }
+
+    /// Tests, explanation, exclusion, levels.
+    fn judge(
+        &mut self,
+        place: &EpochPlace,
+        main: &mut Filter<CLOCKS, JOINT>,
+        sub: &mut bank::SubFilters<CLOCKS, JOINT>,
+        secondaries: &mut bank::Secondaries<CLOCKS, JOINT>,
+    ) {
+        let Self {
+            bank,
+            recording,
+            quantiles,
+            bank_verdict,
+            ..
+        } = self;
+        let criterion = Criterion {
+            quantiles,
+            vertical: true,
+            c_enu_e: &place.c_enu_e,
+        };
+        let correlated = &mut recording.correlated;
+        let mut verdict = bank.assess(&criterion, correlated, main, sub, secondaries);
+        let explanation = verdict.isolated.map(Explanation::One).or_else(|| {
+            let explains = verdict.detected;
+            explains.then(|| bank.explain(&recording.postfit, true, sub, secondaries))?
+        });
+        let excluded = match explanation {
+            None => false,
+            Some(Explanation::One(satellite)) => {
+                let left = bank.place(satellite);
+                let excluded = bank.exclude(satellite, main, sub, secondaries);
+                if let Some(left) = left {
+                    correlated.exclude(left);
+                }
+                excluded
+            }
+            Some(Explanation::Two(satellites)) => {
+                let [one, other] = satellites.map(|satellite| bank.place(satellite));
+                let excluded = bank.exclude_two(satellites, main, sub, secondaries);
+                if let (Some(one), Some(other)) = (one, other) {
+                    correlated.exclude_two(one, other);
+                }
+                recording.blind_since = Some(place.time);
+                excluded
+            }
+            Some(Explanation::Constellation(system)) => {
+                let excluded = bank.exclude_constellation(system, main, sub, secondaries);
+                correlated.exclude_constellation(system.index());
+                recording.blind_since = Some(place.time);
+                excluded
+            }
+        };
+        if excluded {
+            // What is left is tested as it is now; its levels are those after the exclusion.
+            solve_correlated(bank, recording, &place.c_enu_e);
+            let after = bank.assess(
+                &criterion,
+                &mut recording.correlated,
+                main,
+                sub,
+                secondaries,
+            );
+            verdict = BankVerdict {
+                isolated: verdict.isolated,
+                ..after
+            };
+        }
+        let is_blind = recording
+            .blind_since
+            .is_some_and(|since| place.time.ns().saturating_sub(since.ns()) < BLIND_NS);
+        let levels_m = if verdict.detected || is_blind {
+            [None; 2]
+        } else {
+            recording.blind_since = None;
+            protection::levels(
+                &recording.form,
+                verdict.sigma_m,
+                || bank.hypotheses(&recording.priors),
+                bank.p_unmonitored(&recording.priors),
+            )
+        };
+        recording.opinion = Some(BankOpinion {
+            is_alerted: verdict.detected,
+            excluded: bank.excluded(),
+            levels_m,
+        });
+        *bank_verdict = Some((place.time, verdict));
+    }
+
+    /// Who was excluded may prove itself.
+    fn observe_excluded(&mut self, now: GpsTime, main: &Filter<CLOCKS, JOINT>) {
+        let Self {
+            bank,
+            recording,
+            rows,
+            ..
+        } = self;
+        let mut proved = SatelliteSet::EMPTY;
+        for BankRow { satellite, row } in rows.iter() {
+            if !bank.excluded().contains(*satellite) {
+                continue;
+            }
+            let common_m = of_satellite(&recording.common_m, *satellite);
+            let variance_m2 = predicted_variance(row, main)
+                + (1.0 + CORRELATED_RATIO) / row.weight
+                + common_m * common_m;
+            let residual_m = bank::residual(row, main);
+            if recording
+                .probation
+                .observe(now, *satellite, residual_m, variance_m2)
+            {
+                proved.insert(*satellite);
+            }
+        }
+        for satellite in proved.iter() {
+            bank.readmit(satellite);
+        }
+    }
+}
+
+/// The least squares of the satellites that have a place.
+fn solve_correlated(
+    bank: &bank::Bank<CLOCKS, JOINT>,
+    recording: &mut RecordingBank,
+    c_enu_e: &Matrix3<f64>,
+) {
+    let RecordingBank {
+        correlated,
+        common_m,
+        ..
+    } = recording;
+    correlated.solve(
+        bank.present().map(|(place, satellite, row)| CorrelatedRow {
+            place,
+            constellation: satellite.system().index(),
+            row,
+            common_m: of_satellite(common_m, satellite),
+        }),
+        c_enu_e,
+    );
+}

@@ -1,0 +1,206 @@
+//! `surefix campaign`: many trials of one question, counted.
+//!
+//! | name | a trial | file |
+//! |---|---|---|
+//! | `esbc-steps` | steps on satellites of a day of recording | `steps.rs` |
+//! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] | |
+//! | `seed-ramp` | the ramp of [P0] 2.3 with each grade, with and without it on the range rate | `seed_ramp.rs` |
+//!
+//! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
+//! `sky.rs` which satellites, `errors.rs` noise and faults, `rig.rs` the code under test, `trial.rs` one
+//! flight scored epoch by epoch. `outcome.rs` adds up trials and shards, `binomial.rs` says how sure
+//! a count is, `figure.rs` draws.
+
+pub mod binomial;
+pub mod errors;
+pub mod false_alerts;
+pub mod figure;
+pub mod flown;
+pub mod outcome;
+pub mod rig;
+pub mod seed_ramp;
+pub mod sky;
+pub mod steps;
+pub mod trial;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result, bail};
+use serde::Serialize;
+
+pub use steps::{CampaignResult, Cell, MAGNITUDES_M, StepsOptions, esbc, merge, steps, table};
+
+use crate::consistency::study::{self, Study};
+use outcome::Campaign;
+
+/// Trials of `filter-consistency` unless told otherwise.
+const CONSISTENCY_TRIALS: u64 = 200;
+
+/// Result of `filter-consistency`.
+#[derive(Serialize)]
+struct ConsistencyResult {
+    campaign: &'static str,
+    seed: u64,
+    studies: Vec<Study>,
+}
+
+fn filter_consistency(args: &Args) -> Result<()> {
+    if args.shard.is_some() {
+        bail!("filter-consistency has no shards: give runs of different --seed instead");
+    }
+    let studies = study::studies(args.seed, args.trials.unwrap_or(CONSISTENCY_TRIALS))?;
+    print!("{}", study::table(&studies, 0.99));
+    let result = ConsistencyResult {
+        campaign: "filter-consistency",
+        seed: args.seed,
+        studies,
+    };
+    std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
+        .with_context(|| format!("cannot write {}", args.out.display()))?;
+    println!("written: {}", args.out.display());
+    Ok(())
+}
+
+/// Constellations of a campaign unless told otherwise: those it is accepted with.
+const DEFAULT_SYSTEMS: &str = "GC";
+
+/// Arguments of `surefix campaign`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_arg("systems", |systems| systems.help(format!(
+    "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
+))))]
+pub struct Args {
+    /// Name of the campaign (esbc-steps, filter-consistency), or `merge` to add results of shards
+    pub name: String,
+    /// Results to merge
+    pub files: Vec<PathBuf>,
+    /// Most trials per cell, at least 1; without it every satellite at every time of day, or 200
+    /// flights
+    #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
+    pub trials: Option<u64>,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Run shard I of K, I from 1
+    #[arg(long, value_name = "I/K")]
+    pub shard: Option<String>,
+    /// Directory with the recording
+    #[arg(
+        long,
+        value_name = "DIR",
+        default_value = "../shared/data/esbc-2020-177"
+    )]
+    pub data: PathBuf,
+    #[command(flatten)]
+    /// The monitor's settings
+    pub settings: crate::settings::Settings,
+    /// JSON file to write
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
+/// `surefix campaign`.
+///
+/// # Errors
+/// When the arguments or the files are unusable; the message tells what to do.
+pub fn run(args: &Args) -> Result<()> {
+    check_out(&args.out)?;
+    let name = match args.name.as_str() {
+        "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
+        name => name.to_owned(),
+    };
+    if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+        || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
+    {
+        return Ok(());
+    }
+    let result = match name.as_str() {
+        "esbc-steps" if args.name == "merge" => {
+            let results: Result<Vec<CampaignResult>> = args.files.iter().map(|f| read(f)).collect();
+            merge(&results?)?
+        }
+        "esbc-steps" => {
+            let mut settings = args.settings.clone();
+            settings
+                .systems
+                .get_or_insert_with(|| DEFAULT_SYSTEMS.into());
+            let config = settings.config()?;
+            let recording = esbc(&args.data, &config)?;
+            let mut options = StepsOptions::new(config, args.seed);
+            options.trials = args.trials;
+            if let Some(shard) = &args.shard {
+                options.shard = parse_shard(shard)?;
+            }
+            steps(&recording, &options)?
+        }
+        "filter-consistency" => {
+            return filter_consistency(args);
+        }
+        other => {
+            bail!("there is no campaign \"{other}\": take esbc-steps, filter-consistency, or merge")
+        }
+    };
+    std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
+        .with_context(|| format!("cannot write {}", args.out.display()))?;
+    print!("{}", table(&result));
+    println!("written: {}", args.out.display());
+    Ok(())
+}
+
+/// Runs or merges a campaign of the bank if it is the one asked for.
+fn bank_campaign<C: Campaign>(name: &str, args: &Args) -> Result<bool> {
+    if name != C::NAME {
+        return Ok(false);
+    }
+    if args.name == "merge" {
+        outcome::merge_files::<C>(&args.files, &args.out)?;
+        return Ok(true);
+    }
+    let shard = args.shard.as_deref().map_or(Ok((0, 1)), parse_shard)?;
+    let trials = args.trials.unwrap_or(C::TRIALS);
+    let result = outcome::run::<C>(args.seed, trials, shard)?;
+    outcome::write::<C>(&result, &args.out)?;
+    Ok(true)
+}
+
+/// The name of the campaign a result is of.
+fn campaign_of(path: &Path) -> Result<String> {
+    #[derive(serde::Deserialize)]
+    struct Named {
+        campaign: String,
+    }
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    serde_json::from_str::<Named>(&text)
+        .map(|named| named.campaign)
+        .with_context(|| format!("{} is no campaign result", path.display()))
+}
+
+/// Refuses a file that could not be written, before the trials take their minutes.
+fn check_out(file: &Path) -> Result<()> {
+    // The parent of a bare file name is the empty path.
+    let parent = file.parent().filter(|p| !p.as_os_str().is_empty());
+    if file.is_dir() || parent.is_some_and(|parent| !parent.is_dir()) {
+        bail!(
+            "cannot write {}: give a file in a directory that exists with --out",
+            file.display()
+        );
+    }
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<CampaignResult> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{} is no campaign result", path.display()))
+}
+
+fn parse_shard(text: &str) -> Result<(u64, u64)> {
+    let parts = text.split_once('/').and_then(|(i, k)| {
+        let (i, k): (u64, u64) = (i.parse().ok()?, k.parse().ok()?);
+        (i >= 1 && i <= k).then_some((i - 1, k))
+    });
+    parts.with_context(|| {
+        format!("--shard \"{text}\" is not I/K with I from 1 to K, for example 2/8")
+    })
+}

@@ -1,0 +1,318 @@
+//! The code under test: core's navigator and bank, driven without bytes.
+//!
+//! What the monitor does with an epoch of a scenario folder (`core/src/tight/scenario.rs`), with the
+//! clocks, the risks and the bank's noise model as arguments. Several false-alert probabilities can be
+//! tested at once; the first decides what is excluded.
+
+use anyhow::{Result, anyhow};
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use surefix_core::ekf::layout::FIRST_OFFSET;
+use surefix_core::ekf::{AntennaState, MeasurementRow, Navigator};
+use surefix_core::frames::geodesy;
+use surefix_core::gnss::{CorrectedMeasurement, Satellite, System};
+use surefix_core::ins::mechanisation::Increment;
+use surefix_core::ins::{
+    AttitudeStart, ClockNoise, InertialConfig, InitialSigma, InitialState, MeasurementFactors,
+    SensorRange,
+};
+use surefix_core::mhss::{
+    Bank, BankEpoch, BankRow, BankVerdict, Criterion, Secondaries, SeparationQuantiles, SubFilters,
+};
+use surefix_core::time::{GpsTime, NS_PER_S};
+
+use crate::simulate::inertial::clock::CLOCK_NOISE;
+use crate::simulate::inertial::sensors::Grade;
+
+/// First sigma of the clock offset of a further constellation, m.
+const SIGMA_OFFSET_M: f64 = 3000.0;
+
+/// What the bank takes pseudorange errors for.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BankModel {
+    /// White, of the sigma given.
+    White,
+    /// White, of a variance 1 + 2τ/Δt times as large: what errors correlated over τ seconds amount to in
+    /// an average.
+    Inflated {
+        /// Correlation time assumed, s.
+        tau_s: f64,
+    },
+}
+
+impl BankModel {
+    /// For tables.
+    pub fn name(self) -> String {
+        match self {
+            Self::White => "white".into(),
+            Self::Inflated { tau_s } => format!("R (1 + 2 {tau_s} s/1 s)"),
+        }
+    }
+
+    /// Factor on the sigma of a pseudorange, with epochs a second apart.
+    fn factor(self) -> f64 {
+        match self {
+            Self::White => 1.0,
+            Self::Inflated { tau_s } => libm::sqrt(1.0 + 2.0 * tau_s),
+        }
+    }
+}
+
+/// Risks per sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Risks {
+    /// False alert; the first is what the bank acts on.
+    pub p_fa: Vec<f64>,
+    /// Missed detection.
+    pub p_md: f64,
+    /// Fault-free.
+    pub p_h0: f64,
+}
+
+impl Risks {
+    /// Those of [P0] and the reference scenarios.
+    pub fn seed() -> Self {
+        Self {
+            p_fa: vec![3.33e-7],
+            p_md: 1e-3,
+            p_h0: 1e-7,
+        }
+    }
+}
+
+/// How the monitor is set up.
+#[derive(Clone, Debug)]
+pub struct RigSetup {
+    /// The inertial unit.
+    pub grade: Grade,
+    /// The risks.
+    pub risks: Risks,
+    /// Test the vertical separations too.
+    pub vertical: bool,
+    /// Exclude what is isolated.
+    pub exclude: bool,
+    /// How long filters of a vanished satellite are kept, s.
+    pub hold_s: i64,
+    /// What the bank takes errors for.
+    pub model: BankModel,
+    /// Spectral density of the offsets between constellations, m²/s.
+    pub inter_system_psd: f64,
+}
+
+impl RigSetup {
+    /// The reference scenarios' monitor: horizontal tests, exclusion.
+    pub fn seed(grade: Grade) -> Self {
+        Self {
+            grade,
+            risks: Risks::seed(),
+            vertical: false,
+            exclude: true,
+            hold_s: 0,
+            model: BankModel::White,
+            inter_system_psd: 0.0,
+        }
+    }
+
+    /// How far a start may be off, one sigma.
+    pub fn sigma(&self) -> InitialSigma {
+        let noise = self.grade.noise();
+        InitialSigma {
+            position_m: 10.0,
+            velocity_mps: 0.5,
+            attitude_ned_rad: noise.attitude_ned_rad,
+            gyro_bias_radps: noise.gyro_bias_radps,
+            accel_bias_mps2: noise.accel_bias_mps2,
+            clock_bias_m: 30.0,
+            clock_drift_mps: 1.0,
+        }
+    }
+
+    fn config(&self, rate_hz: u32) -> InertialConfig {
+        InertialConfig {
+            interval_ns: NS_PER_S as u32 / rate_hz,
+            c_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            lever_arm_b_m: [0.0; 3],
+            noise: self.grade.noise().density,
+            clock: ClockNoise {
+                inter_system_psd: self.inter_system_psd,
+                ..CLOCK_NOISE
+            },
+            measurement: MeasurementFactors::ONE,
+            range: SensorRange {
+                rate_radps: 1e3,
+                specific_force_mps2: 1e3,
+            },
+            start: AttitudeStart::Given {
+                roll_pitch_heading_rad: [0.0; 3],
+            },
+            sigma: self.sigma(),
+        }
+    }
+}
+
+/// What an epoch gave.
+#[derive(Clone, Debug)]
+pub struct RigEpoch {
+    /// One verdict per false-alert probability, all before the exclusion.
+    pub verdicts: Vec<BankVerdict>,
+    /// Excluded at this epoch.
+    pub excluded: Option<Satellite>,
+    /// Where the antenna is believed to be, after it.
+    pub r_e_m: [f64; 3],
+}
+
+/// Navigator and bank with K clock states: two for one clock, one more per further constellation.
+pub struct Rig<const K: usize, const M: usize> {
+    navigator: Box<Navigator<K, M>>,
+    bank: Box<Bank<K, M>>,
+    sub: Box<SubFilters<K, M>>,
+    secondaries: Box<Secondaries<K, M>>,
+    quantiles: Vec<SeparationQuantiles>,
+    vertical: bool,
+    exclude: bool,
+    hold_ns: i64,
+    factor: f64,
+}
+
+/// The clock column of a constellation: GPS has none of its own.
+fn offset_of<const K: usize>(system: System) -> Option<usize> {
+    let column = match system {
+        System::Gps => return None,
+        System::Bds => FIRST_OFFSET,
+        System::Galileo => FIRST_OFFSET + 1,
+    };
+    (column < K).then_some(column)
+}
+
+impl<const K: usize, const M: usize> Default for Rig<K, M> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<const K: usize, const M: usize> Rig<K, M> {
+    /// Not started.
+    pub fn new() -> Self {
+        Self {
+            navigator: Box::new(Navigator::EMPTY),
+            bank: Box::new(Bank::EMPTY),
+            sub: Box::new(SubFilters::EMPTY),
+            secondaries: Box::new(Secondaries::EMPTY),
+            quantiles: Vec::new(),
+            vertical: false,
+            exclude: false,
+            hold_ns: 0,
+            factor: 1.0,
+        }
+    }
+
+    /// Starts anew; offsets of further constellations are unknown.
+    ///
+    /// # Errors
+    /// When a risk is no probability, or the navigator does not take the state.
+    pub fn start(&mut self, setup: &RigSetup, rate_hz: u32, state: &InitialState) -> Result<()> {
+        let fill = |p_fa: &f64| {
+            let mut quantiles = SeparationQuantiles::EMPTY;
+            quantiles
+                .fill(*p_fa, setup.risks.p_md, setup.risks.p_h0)
+                .map(|()| quantiles)
+        };
+        let quantiles: Result<Vec<_>, _> = setup.risks.p_fa.iter().map(fill).collect();
+        self.quantiles =
+            quantiles.map_err(|error| anyhow!("the risks give no quantile: {error:?}"))?;
+        self.vertical = setup.vertical;
+        self.exclude = setup.exclude;
+        self.hold_ns = setup.hold_s * NS_PER_S;
+        self.factor = setup.model.factor();
+        self.navigator
+            .start(&setup.config(rate_hz), state)
+            .map_err(|error| anyhow!("the navigator does not start: {error:?}"))?;
+        for column in FIRST_OFFSET..K {
+            self.navigator.reset_clock(column, 0.0, SIGMA_OFFSET_M);
+        }
+        self.bank.clear();
+        Ok(())
+    }
+
+    /// A sample of the inertial unit.
+    pub fn sample(&mut self, increment: &Increment, time: GpsTime) {
+        self.navigator.step(increment, time);
+    }
+
+    fn rows(&self, measured: &[CorrectedMeasurement], at: &AntennaState<K>) -> Vec<BankRow<M>> {
+        let row = |measurement: &CorrectedMeasurement| {
+            let mut measurement = *measurement;
+            measurement.sigma_pseudorange_m *= self.factor;
+            let satellite = measurement.satellite;
+            let offset = offset_of::<K>(satellite.system());
+            MeasurementRow::new(&measurement, at.r_e_m, at.v_e_mps, &at.clock, offset)
+                .map(|row| BankRow { satellite, row })
+        };
+        measured.iter().filter_map(row).collect()
+    }
+
+    /// An epoch of the receiver.
+    ///
+    /// # Errors
+    /// When the position is none, or a filter finds itself unhealthy.
+    pub fn epoch(&mut self, time: GpsTime, measured: &[CorrectedMeasurement]) -> Result<RigEpoch> {
+        let at = self.navigator.predict(time);
+        let rows = self.rows(measured, &at);
+        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m))
+            .map_err(|error| anyhow!("no position: {error:?}"))?;
+        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
+        let Self {
+            navigator,
+            bank,
+            sub,
+            secondaries,
+            ..
+        } = self;
+        bank.predict(navigator.transition(), sub, secondaries);
+        let (information, main) = navigator.information_and_filter();
+        let epoch = BankEpoch {
+            time,
+            rows: &rows,
+            hold_ns: self.hold_ns,
+        };
+        bank.admit(&epoch, main, sub, secondaries, information);
+        navigator.update_filter();
+        bank.update(sub, secondaries);
+        let (_, main) = navigator.information_and_filter();
+        // The first comes last: what the bank keeps of the tests is of the one that is acted on.
+        let mut verdicts: Vec<BankVerdict> = self
+            .quantiles
+            .iter()
+            .rev()
+            .map(|quantiles| {
+                let criterion = Criterion {
+                    quantiles,
+                    vertical: self.vertical,
+                    c_enu_e: &c_enu_e,
+                };
+                bank.test(&criterion, main, sub, secondaries)
+            })
+            .collect();
+        verdicts.reverse();
+        let isolated = verdicts.first().and_then(|verdict| verdict.isolated);
+        let excluded = isolated.filter(|_| self.exclude);
+        if let Some(satellite) = excluded {
+            bank.exclude(satellite, main, sub, secondaries);
+        }
+        let correction = navigator
+            .finish()
+            .map_err(|error| anyhow!("the filter is unhealthy: {error:?}"))?;
+        bank.rereference(&correction, sub, secondaries);
+        Ok(RigEpoch {
+            verdicts,
+            excluded,
+            r_e_m: navigator.antenna(time).r_e_m,
+        })
+    }
+
+    /// The bank, with the tests of the last epoch.
+    pub fn bank(&self) -> &Bank<K, M> {
+        &self.bank
+    }
+}
