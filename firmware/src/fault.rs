@@ -62,27 +62,58 @@ fn panic(info: &core::panic::PanicInfo) -> ! {
     withdraw_output_and_reset()
 }
 
-/// Takes the stack from the start again, because its overflow may be what brought us here, and
-/// goes on in [`hard_fault`].
-#[exception(trampoline = false)]
-unsafe fn HardFault() -> ! {
-    // SAFETY: nothing of the interrupted program is used again: `hard_fault` never returns.
-    unsafe {
-        core::arch::asm!(
-            "movw r0, #:lower16:_stack_start",
-            "movt r0, #:upper16:_stack_start",
-            "msr msp, r0",
-            "b {handler}",
-            handler = sym hard_fault,
-            options(noreturn)
-        )
-    }
+/// Where a fault begins: takes the stack from the start again, because its overflow may be what brought
+/// us here, and goes on in [`hard_fault`]. Naked, because anything a compiler puts before the first
+/// statement would use the stack as it is, and a fault in here is the end (a lockup, no reset).
+///
+/// Floating-point registers of the interrupted program that wait to be saved are given up: the place
+/// reserved for them is on that stack, and the first floating-point instruction of the handler would
+/// write there. ARM DDI 0403 B1.5.7; FPCCR is at 0xE000_EF34, its bit 0 is LSPACT.
+// SAFETY: the name is the one in cortex-m-rt's vector table.
+#[unsafe(no_mangle)]
+#[unsafe(naked)]
+extern "C" fn HardFault() -> ! {
+    core::arch::naked_asm!(
+        "movw r0, #:lower16:_stack_start",
+        "movt r0, #:upper16:_stack_start",
+        "msr msp, r0",
+        "movw r0, #0xEF34",
+        "movt r0, #0xE000",
+        "ldr r1, [r0]",
+        "bic r1, r1, #1",
+        "str r1, [r0]",
+        "dsb",
+        "isb",
+        "b {handler}",
+        handler = sym hard_fault,
+    )
 }
 
 extern "C" fn hard_fault() -> ! {
-    defmt::error!("hard fault");
+    // SAFETY: reading these registers has no side effect.
+    let (status, memory_address, bus_address) = unsafe {
+        let scb = &*SCB::PTR;
+        (scb.cfsr.read(), scb.mmfar.read(), scb.bfar.read())
+    };
+    let address = if status & MEMORY_ADDRESS_VALID != 0 {
+        memory_address
+    } else if status & BUS_ADDRESS_VALID != 0 {
+        bus_address
+    } else {
+        0
+    };
+    defmt::error!(
+        "hard fault, status {=u32:#010x}, address {=u32:#010x}",
+        status,
+        address
+    );
     withdraw_output_and_reset()
 }
+
+/// Bits of the fault status that say which address register holds. ARM DDI 0403 B3.2.15.
+const MEMORY_ADDRESS_VALID: u32 = 1 << 7;
+/// See [`MEMORY_ADDRESS_VALID`].
+const BUS_ADDRESS_VALID: u32 = 1 << 15;
 
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {

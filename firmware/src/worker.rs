@@ -18,7 +18,7 @@ const CHUNK: usize = 256;
 pub struct Worker {
     monitor: &'static mut Monitor,
     fast: &'static mut MonitorFastFilters,
-    secondaries: Option<&'static mut MonitorSecondaries>,
+    secondaries: &'static mut MonitorSecondaries,
     bank: &'static mut BankReport,
     received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
     output: board::Transmitter,
@@ -97,12 +97,11 @@ impl Worker {
 
     #[inline(never)]
     fn epoch(&mut self) {
-        let fast = &mut *self.fast;
-        let memory = self
-            .secondaries
-            .as_deref_mut()
-            .map(|secondaries| BankMemory { fast, secondaries });
-        let report = self.monitor.process_with(&mut self.cycles, memory);
+        let memory = BankMemory {
+            fast: self.fast,
+            secondaries: self.secondaries,
+        };
+        let report = self.monitor.process_with(&mut self.cycles, Some(memory));
         if self.monitor.bank_report(self.bank)
             && let Ok(length) = self.bank.encode(&mut self.frame)
         {

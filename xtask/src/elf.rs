@@ -23,6 +23,8 @@ pub struct Section<'a> {
     pub name: &'a str,
     /// Its size in memory.
     pub size_bytes: u32,
+    /// Where the running image has it.
+    pub address: u32,
     kind: u32,
     flags: u32,
     link: u32,
@@ -50,10 +52,21 @@ impl Section<'_> {
         Self {
             name,
             size_bytes,
+            address: 0,
             kind: 1,
             flags: if loaded { SHF_ALLOC } else { 0 },
             link: 0,
             data: &[],
+        }
+    }
+
+    #[cfg(test)]
+    pub fn at(self, address: u32, stored: bool) -> Self {
+        let kind = if stored { 1 } else { SHT_NOBITS };
+        Self {
+            address,
+            kind,
+            ..self
         }
     }
 }
@@ -102,6 +115,7 @@ impl<'a> Elf<'a> {
                 Some(Section {
                     name: text_at(names, u32_at(header, 0)?)?,
                     size_bytes,
+                    address: u32_at(header, 12)?,
                     kind,
                     flags: u32_at(header, 8)?,
                     link: u32_at(header, 24)?,

@@ -8,7 +8,7 @@ use crate::elf::Elf;
 use crate::process::command;
 use crate::stages::Stages;
 use crate::workspace::{TARGET, Workspace};
-use crate::{Failure, Result, sizes};
+use crate::{Failure, Result, setup, sizes};
 
 /// The image that every board runs.
 pub const APPLICATION: &str = "monitor";
@@ -33,7 +33,16 @@ pub const BOARDS: [Board; 2] = [
     },
 ];
 
-/// Builds every image and checks sections, sizes, floating point and panics.
+/// `cargo xtask images`: what [`check`] does, alone.
+pub fn run(workspace: &Workspace) -> Result {
+    let mut stages = Stages::start();
+    if stages.run("setup", || setup::run(workspace)) {
+        check(workspace, &mut stages);
+    }
+    stages.verdict()
+}
+
+/// Builds every image and checks sections, sizes, memories, floating point and panics.
 pub fn check(workspace: &Workspace, stages: &mut Stages) {
     for board in &BOARDS {
         let mut built = None;
@@ -103,7 +112,14 @@ fn check_sections(workspace: &Workspace, board: &Board, image: &Path) -> Result 
     })?;
     let limits = sizes::parse(&text)
         .map_err(|line| Failure::new(format!("{list}: {line}"), "correct that line"))?;
-    let departures = sizes::departures(&limits, elf.sections());
+    let stack = stack(&elf);
+    for region in sizes::uses(&limits, elf.sections(), &stack) {
+        println!(
+            "  {:<18} {:>8} of {} bytes",
+            region.region, region.used_bytes, region.length
+        );
+    }
+    let departures = sizes::departures(&limits, elf.sections(), &stack);
     if departures.is_empty() {
         return Ok(());
     }
@@ -111,6 +127,16 @@ fn check_sections(workspace: &Workspace, board: &Board, image: &Path) -> Result 
         format!("{list}: {}", departures.join("; ")),
         "make the image smaller, or change the list by hand and say why in the commit",
     ))
+}
+
+/// Where the stack lies, by the symbols of the linker script.
+fn stack(elf: &Elf) -> sizes::Stack {
+    let symbols = elf.symbols();
+    let address = |wanted: &str| {
+        let mut found = symbols.iter().filter(|(name, _)| *name == wanted);
+        found.next().map_or(0, |(_, address)| *address)
+    };
+    address("_stack_end")..address("_stack_start")
 }
 
 fn check_floating_point(image: &Path) -> Result {

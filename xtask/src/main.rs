@@ -1,4 +1,4 @@
-//! Set-up and checks of the surefix workspace: `cargo xtask setup|test|demo|bench`.
+//! Set-up and checks of the surefix workspace: `cargo xtask setup|test|demo|images|bench`.
 //!
 //! | module | what it does |
 //! |---|---|
@@ -64,6 +64,7 @@ usage: cargo xtask COMMAND
   setup               make this machine ready: Cortex-M7 target, rustfmt, clippy, QEMU
   test                set-up if needed, then every check and test
   demo                set-up if needed, then a faulted approach through the emulated board
+  images              build every firmware image; what it takes of each memory of its board
   bench [--json FILE] [--check]
                       executed instructions and bytes per stage on the emulated board;
                       --check fails when a figure is above its bar
@@ -87,6 +88,7 @@ fn main() -> ExitCode {
         ["setup"] => setup::run(&workspace),
         ["test"] => checks::run(&workspace),
         ["demo"] => demo::run(&workspace),
+        ["images"] => images::run(&workspace),
         ["bench", rest @ ..] => match bench::Options::parse(rest) {
             Some(options) => bench::run(&workspace, &options),
             None => return usage(),

@@ -12,30 +12,32 @@ pub const RECEIVED_CAPACITY: usize = 16384;
 /// Receiver bytes between interrupt and worker.
 pub static RECEIVED: Ring<RECEIVED_CAPACITY> = Ring::empty();
 
-/// All state of surefix; one task takes it.
+/// All state of surefix but the filters of the bank; one task takes it.
 // SAFETY: the section is a data section that the board fills before `main` (h743/start.rs).
-#[cfg_attr(feature = "board-h743", unsafe(link_section = ".axisram"))]
+#[cfg_attr(feature = "board-h743", unsafe(link_section = ".d2sram"))]
 static MONITOR: ConstStaticCell<Monitor> = ConstStaticCell::new(Monitor::EMPTY);
 
 /// What the bank found at an epoch, on its way out.
 static BANK: ConstStaticCell<BankReport> = ConstStaticCell::new(BankReport::EMPTY);
 
-/// F00 and F0n.
+/// F00 and F0n: beside the stack in the fastest memory.
 static FAST: ConstStaticCell<MonitorFastFilters> = ConstStaticCell::new(MonitorFastFilters::EMPTY);
 
-/// The secondary filters.
-#[cfg(feature = "board-mps2")]
+/// The secondary filters. A cell that is not taken and empty filters are zeros, and so no load for the
+/// flash: where the section is the board's own, it holds zeros before `main` (h743/start.rs).
+// SAFETY: as for the section of `MONITOR`.
+#[cfg_attr(feature = "board-h743", unsafe(link_section = ".axisram"))]
 static SECONDARIES: ConstStaticCell<MonitorSecondaries> =
     ConstStaticCell::new(MonitorSecondaries::EMPTY);
 
 /// The memory that one task takes.
 pub struct Memory {
-    /// All state of surefix but the secondary filters.
+    /// All state of surefix but the filters of the bank.
     pub monitor: &'static mut Monitor,
     /// F00 and F0n.
     pub fast: &'static mut MonitorFastFilters,
-    /// The secondary filters, on a board that has room for them.
-    pub secondaries: Option<&'static mut MonitorSecondaries>,
+    /// The secondary filters.
+    pub secondaries: &'static mut MonitorSecondaries,
     /// What the bank found at an epoch.
     pub bank: &'static mut BankReport,
 }
@@ -46,10 +48,7 @@ impl Memory {
         Some(Self {
             monitor: MONITOR.try_take()?,
             fast: FAST.try_take()?,
-            #[cfg(feature = "board-mps2")]
-            secondaries: SECONDARIES.try_take(),
-            #[cfg(not(feature = "board-mps2"))]
-            secondaries: None,
+            secondaries: SECONDARIES.try_take()?,
             bank: BANK.try_take()?,
         })
     }

@@ -3,7 +3,7 @@
 //! | name | what it is |
 //! |---|---|
 //! | `NVIC_PRIO_BITS`, `Interrupt`, `interrupt` | what RTIC asks a device crate for; interrupts are named after their use |
-//! | `start()` | clocks and UARTs on; hands out [`Ports`] |
+//! | `start()` | clocks and UARTs on, code protected; hands out [`Ports`] |
 //! | `Receiver` | bytes from the GNSS receiver, interrupt-driven |
 //! | `Transmitter` | bytes out, waiting for room |
 //! | `Acknowledge` | tells a sender that honours it how much was taken |
@@ -22,6 +22,7 @@ pub use h743::*;
 
 pub mod log;
 pub mod memory;
+mod protection;
 pub mod stack;
 
 /// The devices of a started board, each with one owner.

@@ -270,16 +270,15 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             ..
         } = self;
         bank.predict(navigator.transition(), sub, secondaries);
-        let (information, main) = navigator.information_and_filter();
+        let mut main = navigator.filter().clone();
         let epoch = BankEpoch {
             time,
             rows: &rows,
             hold_ns: self.hold_ns,
         };
-        bank.admit(&epoch, main, sub, secondaries, information);
-        navigator.update_filter();
+        bank.admit(&epoch, &main, sub, secondaries, navigator.information_mut());
+        navigator.update_lent(&mut main);
         bank.update(sub, secondaries);
-        let (_, main) = navigator.information_and_filter();
         // The first comes last: what the bank keeps of the tests is of the one that is acted on.
         let mut verdicts: Vec<BankVerdict> = self
             .quantiles
@@ -291,15 +290,16 @@ impl<const K: usize, const M: usize> Rig<K, M> {
                     vertical: self.vertical,
                     c_enu_e: &c_enu_e,
                 };
-                bank.test(&criterion, main, sub, secondaries)
+                bank.test(&criterion, &main, sub, secondaries)
             })
             .collect();
         verdicts.reverse();
         let isolated = verdicts.first().and_then(|verdict| verdict.isolated);
         let excluded = isolated.filter(|_| self.exclude);
         if let Some(satellite) = excluded {
-            bank.exclude(satellite, main, sub, secondaries);
+            bank.exclude(satellite, &mut main, sub, secondaries);
         }
+        navigator.take_back(&main);
         let correction = navigator
             .finish()
             .map_err(|error| anyhow!("the filter is unhealthy: {error:?}"))?;

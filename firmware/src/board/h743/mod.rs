@@ -15,7 +15,7 @@ mod uart;
 pub use clock::Cycles;
 pub use uart::{Acknowledge, Receiver, Transmitter};
 
-use super::{Ports, Vector, vector_table};
+use super::{Ports, Vector, protection, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors
 
 /// Priority bits of the NVIC. RM0433 19.1.
@@ -46,7 +46,7 @@ unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
 #[unsafe(no_mangle)]
 pub static __INTERRUPTS: [Vector; 150] = vector_table(Interrupt::RECEIVER, Interrupt::WORKER);
 
-/// Starts clocks, cycle counter and UARTs. For `init`, once.
+/// Starts protection, caches, clocks, cycle counter and UARTs. For `init`, once.
 pub fn start() -> Ports {
     // SAFETY: `init` runs once with interrupts masked, and no other code holds the peripherals.
     let (mut core, chip) = unsafe {
@@ -55,6 +55,7 @@ pub fn start() -> Ports {
             stm32h7::stm32h743::Peripherals::steal(),
         )
     };
+    protection::start(&mut core.MPU);
     core.SCB.enable_icache();
     core.SCB.enable_dcache(&mut core.CPUID);
     clock::start(&chip);

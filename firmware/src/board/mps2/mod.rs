@@ -17,7 +17,7 @@ pub use clock::{Cycles, instructions, ticks};
 pub use markers::{bench_begin, bench_end};
 pub use uart::{Acknowledge, Receiver, Transmitter};
 
-use super::{Ports, Vector, vector_table};
+use super::{Ports, Vector, protection, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors
 
 /// Priority bits of the NVIC that RTIC may use.
@@ -48,8 +48,11 @@ unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
 #[unsafe(no_mangle)]
 pub static __INTERRUPTS: [Vector; 32] = vector_table(Interrupt::RECEIVER, Interrupt::WORKER);
 
-/// Starts timer and UARTs. For `init`, once.
+/// Starts protection, timer and UARTs. For `init`, once.
 pub fn start() -> Ports {
+    // SAFETY: `init` runs once with interrupts masked, and no other code holds the peripherals.
+    let mut core = unsafe { cortex_m::Peripherals::steal() };
+    protection::start(&mut core.MPU);
     clock::start();
     Ports {
         receiver: Receiver::start(),
