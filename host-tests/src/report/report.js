@@ -504,6 +504,10 @@
         still.width = p.canvas.width; still.height = p.canvas.height;
         const s = still.getContext("2d");
         s.setTransform(g.getTransform());
+        s.fillStyle = colour.limit;
+        s.globalAlpha = 0.05;
+        s.fillRect(b.x, b.y, b.w, Math.max(0, yOf(1) - b.y));
+        s.globalAlpha = 1;
         timeAxis(s, p);
         s.font = font(11);
         s.textAlign = "right";
@@ -519,9 +523,6 @@
           s.fillText(String(Number(v.toPrecision(3))), b.x - 7, Math.min(Math.max(y, b.y + 5), b.y + b.h - 4));
         }
         clipTo(s, b);
-        s.fillStyle = colour.limit;
-        s.globalAlpha = 0.05;
-        s.fillRect(b.x, b.y, b.w, Math.max(0, yOf(1) - b.y));
         s.globalAlpha = bank.sats.length > 12 ? 0.55 : 0.8;
         s.lineJoin = "round";
         for (const sat of bank.sats) if (!sat.excluded) line(s, sat.ratio[axis], yOf, "faint", 0.75);
