@@ -277,7 +277,9 @@ fn report(outcome: &Outcome<RunRecord>) -> String {
     for n in SATELLITES {
         // Over the same flights.
         let mut with_all = outcome.clone();
-        with_all.records.retain(|(number, _)| number.is_multiple_of(EVERY));
+        with_all
+            .records
+            .retain(|(number, _)| number.is_multiple_of(EVERY));
         let white = means(&runs(&with_all, n, &cases()[0]))[0];
         for case in cases() {
             let of = runs(outcome, n, &case);

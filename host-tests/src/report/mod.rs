@@ -20,6 +20,8 @@ use serde_json::Value;
 use figures::{Axis, Figures, STATES, figures};
 use table::Table;
 
+pub use stanford::Region;
+
 const PAGE: &str = include_str!("report.html");
 const EMPTY_PAGE: &str = include_str!("empty.html");
 const STYLE: &str = include_str!("report.css");
