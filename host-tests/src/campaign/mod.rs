@@ -147,7 +147,9 @@ pub fn run(args: &Args) -> Result<()> {
             return recording_faults::run(data, trials, args.seed, &args.out);
         }
         other => {
-            bail!("there is no campaign \"{other}\": take esbc-steps, filter-consistency, seed-ramp, false-alerts, recording-faults, or merge")
+            bail!(
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, seed-ramp, false-alerts, recording-faults, or merge"
+            )
         }
     };
     std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")
