@@ -144,7 +144,10 @@ pub fn run(args: &Args) -> Result<()> {
             }
             let trials = args.trials.unwrap_or(recording_faults::TRIALS);
             let data = args.data.parent().unwrap_or(Path::new("."));
-            return recording_faults::run(data, trials, args.seed, &args.out);
+            let phase = args.settings.phase.as_ref();
+            let phase = phase.map(|_| args.settings.config()).transpose()?;
+            let phase = phase.map(|config| config.phase);
+            return recording_faults::run(data, phase, trials, args.seed, &args.out);
         }
         other => {
             bail!(

@@ -22,7 +22,7 @@ use serde::Serialize;
 use surefix_core::bank_report::BankReport;
 use surefix_core::config::IonosphereModel;
 use surefix_core::gnss::{Satellite, SatelliteSet};
-use surefix_core::integrity::Integrity;
+use surefix_core::integrity::{Integrity, Phase};
 use surefix_core::report::EpochReport;
 
 use crate::faults::{FaultKind, FaultSpec};
@@ -597,7 +597,7 @@ struct Outcome {
 ///
 /// # Errors
 /// When a recording is absent or unusable, or a file cannot be written.
-pub fn run(data: &Path, trials: u64, seed: u64, out: &Path) -> Result<()> {
+pub fn run(data: &Path, phase: Option<Phase>, trials: u64, seed: u64, out: &Path) -> Result<()> {
     let work: PathBuf = out.with_extension("");
     let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
     let folders = Folders {
@@ -611,13 +611,14 @@ pub fn run(data: &Path, trials: u64, seed: u64, out: &Path) -> Result<()> {
             data.display()
         )
     };
-    let subjects = [
+    let mut subjects = [
         esbc(&folders, seed).with_context(needed)?,
         walk(&folders).with_context(needed)?,
         drive(&folders, seed).with_context(needed)?,
     ];
     let mut runs = Vec::new();
-    for subject in &subjects {
+    for subject in &mut subjects {
+        subject.options.config.phase = phase.unwrap_or(subject.options.config.phase);
         for systems in constellations(subject) {
             runs.extend(study(subject, systems, trials, seed, Some(&work))?);
         }
