@@ -92,12 +92,11 @@ fn scatter(residuals: &[(f64, f64)], out: &mut Vec<f64>) {
     );
 }
 
+/// Time, measurements, place and velocity of the antenna.
+type TakeEpoch<'a> = dyn FnMut(GpsTime, &CorrectedEpoch, Vector3<f64>, Vector3<f64>) + 'a;
+
 /// Gives the measurements of each epoch, corrected for the antenna's place and velocity on the track.
-fn along_the_track(
-    options: &ReplayOptions,
-    track: &Track,
-    take: &mut dyn FnMut(GpsTime, &CorrectedEpoch, Vector3<f64>, Vector3<f64>),
-) {
+fn along_the_track(options: &ReplayOptions, track: &Track, take: &mut TakeEpoch<'_>) {
     let recording = Recording::read(&options.gnss, &options.nav, &options.config).unwrap();
     let mut store = EphemerisStore::EMPTY;
     let ionosphere = BroadcastIonosphere::EMPTY;
