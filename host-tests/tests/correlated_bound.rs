@@ -525,6 +525,7 @@ const GPS: usize = 100;
 /// Stands for the main filter itself.
 const MAIN: usize = 1000;
 
+/// INT-029.
 #[test]
 fn the_bound_holds_for_every_correlation_time() {
     println!("one sigma, exact over bound: position H, V, separation H, V");
