@@ -238,6 +238,13 @@ fn print_summary(result: &ReplayResult, arguments: &ReplayArguments) {
         metres(summary.median_hpl_m),
         metres(summary.median_vpl_m)
     );
+    let bank = &summary.bank;
+    if let (Some(fewest), Some(most)) = (bank.fewest_satellites, bank.most_satellites) {
+        println!(
+            "bank: {} epochs, {fewest} to {most} satellites; a test failed in {}, no place for a satellite in {}",
+            bank.epochs, bank.epochs_with_failed_test, bank.epochs_over_capacity
+        );
+    }
     match &summary.truth {
         Some(source) => {
             let errors = &summary.errors;
