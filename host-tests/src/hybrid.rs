@@ -449,14 +449,18 @@ fn imu_bytes(recorded: &Recorded, shift_ns: i64, end: GpsTime) -> Result<Vec<u8>
     Ok(bytes)
 }
 
-fn truth_csv(hybrid: &Hybrid) -> Result<String> {
+/// `truth.csv` of a track from a time on, ten rows a second.
+///
+/// # Errors
+/// Never: what is written to is memory.
+pub fn truth_csv(track: &Track, start: GpsTime, duration_s: f64) -> Result<String> {
     let mut csv = "t_s,week,tow_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\n".to_owned();
-    let rows = (hybrid.duration_s * 1e9) as i64 / TRUTH_STEP_NS;
+    let rows = (duration_s * 1e9) as i64 / TRUTH_STEP_NS;
     for row in 0..=rows {
         let since_ns = row * TRUTH_STEP_NS;
-        let time = hybrid.start.plus_ns(since_ns);
+        let time = start.plus_ns(since_ns);
         let t_s = since_ns as f64 / NS_PER_S as f64;
-        let (r, v) = hybrid.track.state(hybrid.start, t_s);
+        let (r, v) = track.state(start, t_s);
         let ([x, y, z], [vx, vy, vz]): ([f64; 3], [f64; 3]) = (r.into(), v.into());
         writeln!(
             csv,
@@ -474,7 +478,7 @@ fn truth_csv(hybrid: &Hybrid) -> Result<String> {
 /// When one cannot be written.
 pub fn write(hybrid: &Hybrid, directory: &Path) -> Result<()> {
     crate::replay::make_directory(directory)?;
-    let truth = truth_csv(hybrid)?;
+    let truth = truth_csv(&hybrid.track, hybrid.start, hybrid.duration_s)?;
     let files: [(&str, &[u8]); 3] = [
         ("receiver.rtcm3", &hybrid.receiver),
         ("imu.sfx", &hybrid.imu),

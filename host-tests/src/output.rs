@@ -19,7 +19,7 @@ use surefix_core::time::NS_PER_S;
 
 use crate::truth::Truth;
 
-pub use bank::{BankColumns, Banks};
+pub use bank::{BankColumns, BankSummary, Banks};
 
 /// Columns of `epochs.csv`: those of the contract, then more; those of the bank follow ([`BankColumns`]).
 pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\
@@ -273,6 +273,8 @@ pub struct Summary {
     pub modes: BTreeMap<&'static str, usize>,
     /// Epochs by what the inertial side does.
     pub inertial: BTreeMap<&'static str, usize>,
+    /// What the bank of filters did.
+    pub bank: BankSummary,
     /// Epochs by verdict.
     pub integrity: BTreeMap<&'static str, usize>,
     /// Epochs by reason.
@@ -386,6 +388,7 @@ fn is_available(report: &EpochReport, phase: Phase) -> bool {
 /// Everything `summary.json` says of the epochs.
 pub fn summarize(
     reports: &[EpochReport],
+    banks: &Banks,
     errors: &[Option<[f64; 3]>],
     truth: Option<&Truth>,
 ) -> Summary {
@@ -433,6 +436,7 @@ pub fn summarize(
         median_vpl_m: median(|r| r.verdict.vpl),
         modes,
         inertial,
+        bank: BankSummary::new(banks),
         integrity,
         reasons,
         alerts: reports

@@ -409,7 +409,12 @@ pub fn run(
         (TruthChoice::FromRecording, None) => (None, None),
     };
     let errors_enu_m = output::errors_enu_m(&reader.reports, truth.as_ref());
-    let summary = output::summarize(&reader.reports, &errors_enu_m, truth.as_ref());
+    let summary = output::summarize(
+        &reader.reports,
+        &reader.banks,
+        &errors_enu_m,
+        truth.as_ref(),
+    );
     Ok(ReplayResult {
         reports: reader.reports,
         banks: reader.banks,

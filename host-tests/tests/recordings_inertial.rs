@@ -9,6 +9,7 @@ mod common;
 
 use std::path::{Path, PathBuf};
 
+use nalgebra::Vector3;
 use surefix_core::config::{Config, IonosphereModel};
 use surefix_core::frames::geodesy;
 use surefix_core::gnss::solution::SnapshotWorkspace;
@@ -17,6 +18,7 @@ use surefix_core::gnss::{
 };
 use surefix_core::integrity::{Integrity, Mode, Reason};
 use surefix_core::report::EpochReport;
+use surefix_core::time::GpsTime;
 use surefix_host_tests::hybrid::{self, Hybrid, Reduction};
 use surefix_host_tests::replay::{self, ReplayOptions, ReplayResult};
 use surefix_host_tests::settings::Settings;
@@ -41,8 +43,8 @@ fn errors(report: &EpochReport, track: &Track) -> Option<([f64; 3], [f64; 3])> {
     let (r_e, v_e) = track.state(report.time, 0.0);
     let llh = geodesy::to_llh(&r_e).unwrap();
     let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
-    let position = c_enu_e * (nalgebra::Vector3::from(fix.r_e_m) - r_e);
-    let velocity = nalgebra::Vector3::from(velocity) - c_enu_e * v_e;
+    let position = c_enu_e * (Vector3::from(fix.r_e_m) - r_e);
+    let velocity = Vector3::from(velocity) - c_enu_e * v_e;
     Some((position.into(), velocity.into()))
 }
 
@@ -90,19 +92,16 @@ fn scatter(residuals: &[(f64, f64)], out: &mut Vec<f64>) {
     );
 }
 
-/// INT-017. The factors of the example are what the recording scatters against the RTK track once the clock of
-/// each epoch, or its drift, is taken out.
-#[test]
-fn the_noise_of_the_walk_is_measured() {
-    let Some((options, track)) = walk() else {
-        return;
-    };
+/// Time, measurements, place and velocity of the antenna.
+type TakeEpoch<'a> = dyn FnMut(GpsTime, &CorrectedEpoch, Vector3<f64>, Vector3<f64>) + 'a;
+
+/// Gives the measurements of each epoch, corrected for the antenna's place and velocity on the track.
+fn along_the_track(options: &ReplayOptions, track: &Track, take: &mut TakeEpoch<'_>) {
     let recording = Recording::read(&options.gnss, &options.nav, &options.config).unwrap();
     let mut store = EphemerisStore::EMPTY;
     let ionosphere = BroadcastIonosphere::EMPTY;
     let mut workspace = Box::new(SnapshotWorkspace::EMPTY);
     let mut corrected = CorrectedEpoch::EMPTY;
-    let (mut codes, mut rates) = (Vec::new(), Vec::new());
     for item in &recording.items {
         let epoch = match item {
             Item::Ephemeris(ephemeris) => {
@@ -117,7 +116,20 @@ fn the_noise_of_the_walk_is_measured() {
         workspace
             .corrected(r_e.into(), v_e.into(), SatelliteSet::EMPTY, &mut corrected)
             .unwrap();
-        let line = |row: &CorrectedMeasurement| nalgebra::Vector3::from(row.r_es_e_m) - r_e;
+        take(epoch.time, &corrected, r_e, v_e);
+    }
+}
+
+/// INT-017. The factors of the example are what the recording scatters against the RTK track once the clock of
+/// each epoch, or its drift, is taken out.
+#[test]
+fn the_noise_of_the_walk_is_measured() {
+    let Some((options, track)) = walk() else {
+        return;
+    };
+    let (mut codes, mut rates) = (Vec::new(), Vec::new());
+    along_the_track(&options, &track, &mut |_, corrected, r_e, v_e| {
+        let line = |row: &CorrectedMeasurement| Vector3::from(row.r_es_e_m) - r_e;
         for system in System::ALL {
             let of_system: Vec<(f64, f64)> = corrected
                 .rows
@@ -137,12 +149,12 @@ fn the_noise_of_the_walk_is_measured() {
             .iter()
             .filter_map(|row| {
                 let (rate_mps, sigma_mps) = row.range_rate_mps?;
-                let relative = nalgebra::Vector3::from(row.v_es_e_mps) - v_e;
+                let relative = Vector3::from(row.v_es_e_mps) - v_e;
                 Some((rate_mps - line(row).normalize().dot(&relative), sigma_mps))
             })
             .collect();
         scatter(&drifts, &mut rates);
-    }
+    });
     let (code, rate) = (rms(codes.iter().copied()), rms(rates.iter().copied()));
     eprintln!(
         "walk: {} pseudoranges scatter {code:.2}, {} range rates {rate:.2} times the model's sigma",
@@ -157,6 +169,51 @@ fn the_noise_of_the_walk_is_measured() {
         .measurement;
     assert!((rate / factors.range_rate - 1.0).abs() < 0.2, "{rate}");
     assert!((code / factors.pseudorange - 1.0).abs() < 0.2, "{code}");
+}
+
+/// With two frequencies the walk raises alerts without a fault put on it. They are no false ones: at each, a
+/// satellite is off by many metres against the others of its constellation on the RTK track.
+#[test]
+fn the_alerts_of_the_walk_are_reflections() {
+    let Some((options, track)) = walk() else {
+        return;
+    };
+    let result = replay::run(&options, &mut |_, _| {}).unwrap();
+    let is_alert = |time| {
+        let report = result.reports.iter().find(|report| report.time == time);
+        report.is_some_and(|report| report.verdict.integrity == Integrity::Alert)
+    };
+    let mut alerts = 0;
+    along_the_track(&options, &track, &mut |time, corrected, r_e, _| {
+        if !is_alert(time) {
+            return;
+        }
+        let (mut farthest_m, mut farthest) = (0.0, String::new());
+        for system in System::ALL {
+            let mut off_m: Vec<(f64, String)> = corrected
+                .rows
+                .iter()
+                .filter(|row| row.satellite.system() == system)
+                .map(|row| {
+                    let range_m = (Vector3::from(row.r_es_e_m) - r_e).norm();
+                    (row.pseudorange_m - range_m, row.satellite.to_string())
+                })
+                .collect();
+            off_m.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let Some((middle_m, _)) = off_m.get(off_m.len() / 2).cloned() else {
+                continue;
+            };
+            for (clock_m, name) in off_m {
+                if (clock_m - middle_m).abs() > f64::abs(farthest_m) {
+                    (farthest_m, farthest) = (clock_m - middle_m, name);
+                }
+            }
+        }
+        println!("{:.2} s: {farthest} {farthest_m:+.1} m", time.tow_s());
+        assert!(farthest_m.abs() > 10.0, "{farthest} {farthest_m}");
+        alerts += 1;
+    });
+    assert!((1..=20).contains(&alerts), "{alerts}");
 }
 
 /// INT-017. Against RTK: tight not worse than the snapshot solution, better in velocity.

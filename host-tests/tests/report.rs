@@ -10,6 +10,7 @@ struct Run {
     epochs: usize,
     truth: bool,
     used: bool,
+    bank: bool,
 }
 
 /// A number between −1 and 1 that looks random and is the same every time.
@@ -18,6 +19,40 @@ fn wobble(k: usize, salt: u64) -> f64 {
         (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ salt.wrapping_mul(0xd1b5_4a32_d192_ed03);
     x = (x ^ (x >> 31)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((x >> 11) as f64 / (1_u64 << 52) as f64) - 1.0
+}
+
+/// Columns of the bank: C14 and the first of the other satellites used are in it, 24 at most. The filter without C14 leaves the others
+/// before C14 is excluded.
+fn bank_columns(line: &mut String, k: usize, share: f64, names: &[String], used: &[&String]) {
+    let mut in_bank: Vec<&&String> = used.iter().collect();
+    in_bank.sort_by_key(|name| **name != "C14");
+    in_bank.truncate(24);
+    let alert = (0.40..0.41).contains(&share);
+    let _ = write!(line, ",{},{}", in_bank.len(), used.len() - in_bank.len());
+    line.push_str(if alert { ",21.5,33" } else { ",," });
+    for (s, name) in (0..).zip(names) {
+        if !in_bank.contains(&&name) {
+            line.push_str(",,,,");
+            continue;
+        }
+        let fault = if name == "C14" && (0.36..0.41).contains(&share) {
+            (share - 0.36) * 22.0
+        } else {
+            0.0
+        };
+        let slow = (k as f64 / (60.0 + s as f64)).sin() * (k as f64 / 917.0 + s as f64).cos();
+        for (axis, threshold) in [(0, 3.5), (1, 5.25)] {
+            let d = threshold * (0.25 * slow.abs() + 0.08 * wobble(k, s + 20 + axis).abs() + fault);
+            // Nothing to test at first, and once not finite.
+            match (k, s) {
+                (0, _) => line.push_str(",,"),
+                (90, 7) => line.push_str(",nan,3.5"),
+                _ => {
+                    let _ = write!(line, ",{d:.4},{threshold}");
+                }
+            }
+        }
+    }
 }
 
 /// A directory as `replay` writes it: a fault is excluded, then one is not, then satellites fail.
@@ -32,7 +67,14 @@ fn made_up(name: &str, run: &Run) -> PathBuf {
         "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,n_sats,mode,integrity,\
          reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold",
     );
-    epochs.push_str(if run.used { ",used\n" } else { "\n" });
+    epochs.push_str(if run.used { ",used" } else { "" });
+    if run.bank {
+        epochs.push_str(",n_bank,n_unmonitored,uncertainty_h_m,uncertainty_v_m");
+        for name in &names {
+            let _ = write!(epochs, ",d_h_{name},t_h_{name},d_v_{name},t_v_{name}");
+        }
+    }
+    epochs.push('\n');
     let mut errors = String::from("t_s,e_m,n_m,u_m\n");
     for k in 0..run.epochs {
         let share = k as f64 / run.epochs as f64;
@@ -92,11 +134,13 @@ fn made_up(name: &str, run: &Run) -> PathBuf {
                 0.9 * wobble(k, 7) - 0.4 * slow
             );
         }
-        let _ = if run.used {
-            writeln!(epochs, ",{}", joined.join("+"))
-        } else {
-            writeln!(epochs)
-        };
+        if run.used {
+            let _ = write!(epochs, ",{}", joined.join("+"));
+        }
+        if run.bank {
+            bank_columns(&mut epochs, k, share, &names, &used);
+        }
+        epochs.push('\n');
     }
     std::fs::write(directory.join("epochs.csv"), epochs).unwrap();
     let errors_path = directory.join("errors.csv");
@@ -121,6 +165,7 @@ fn the_report_is_one_file_that_asks_for_no_other() {
             epochs: 241,
             truth: true,
             used: true,
+            bank: true,
         },
     );
     let path = report::write(&directory).unwrap();
@@ -145,6 +190,7 @@ fn a_day_at_one_hertz_stays_below_eight_megabytes_with_every_epoch_in_it() {
             epochs: 86_400,
             truth: true,
             used: true,
+            bank: true,
         },
     );
     let rows = std::fs::read_to_string(directory.join("epochs.csv"))
@@ -160,6 +206,29 @@ fn a_day_at_one_hertz_stays_below_eight_megabytes_with_every_epoch_in_it() {
     let data = &page[start..start + page[start..].find("</script>").unwrap()];
     let data: serde_json::Value = serde_json::from_str(data).unwrap();
     assert_eq!(data["n"].as_u64().unwrap() as usize, rows);
+    // Every epoch that has a level and is not at alert is in a cell of the diagram, or has none.
+    let diagram = &data["stanford"][0];
+    let cells: Vec<u64> = diagram["cells"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .skip(3)
+        .step_by(4)
+        .map(|count| count.as_u64().unwrap())
+        .collect();
+    let errors = std::fs::read_to_string(directory.join("errors.csv")).unwrap();
+    let alerted = diagram["alerted"].as_u64().unwrap();
+    assert!(alerted > 800, "{alerted}");
+    assert_eq!(
+        (cells.iter().sum::<u64>() + alerted) as usize,
+        errors.lines().count() - 1
+    );
+    // The bank goes in bins, each with the largest ratio of its epochs.
+    let bank = &data["bank"];
+    let bins = bank["bins"].as_u64().unwrap();
+    assert!((4096..=8192).contains(&bins), "{bins}");
+    assert_eq!(bins, (rows as u64).div_ceil(bank["each"].as_u64().unwrap()));
+    assert_eq!(bank["sats"].as_array().unwrap().len(), 35);
     // Base64 of four bytes per epoch.
     assert_eq!(
         data["hpl"]["f"].as_str().unwrap().len(),
@@ -175,10 +244,12 @@ fn without_truth_the_report_says_so_and_shows_no_errors() {
             epochs: 300,
             truth: false,
             used: false,
+            bank: false,
         },
     );
     let page = std::fs::read_to_string(report::write(&directory).unwrap()).unwrap();
     assert!(page.contains("No truth was given"));
+    assert!(page.contains("\"bank\":null") && page.contains("\"stanford\":null"));
     assert!(!page.contains("error, 95 %"));
 }
 

@@ -151,15 +151,23 @@ impl BankVerdict {
     }
 }
 
+/// What a filter says of its position, m²: horizontal and vertical.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OwnVariances {
+    /// Variances after the update.
+    pub left: Variances,
+    /// What the update took from them; horizontally from both directions together.
+    pub taken: Variances,
+}
+
 /// Variances of positions and separations, beyond those of the filters, m²: horizontal and vertical.
-/// `own` is a filter's own variance after the update.
 pub trait ExtraNoise {
     /// Of the main filter; asked first.
-    fn main(&mut self, own: Variances) -> Variances;
+    fn main(&mut self, own: &OwnVariances) -> Variances;
     /// Of the filter without the satellite of a place, and of its separation from the main one.
-    fn sub(&mut self, place: usize, own: Variances) -> [Variances; 2];
+    fn sub(&mut self, place: usize, own: &OwnVariances) -> [Variances; 2];
     /// Of the filter without a constellation, and of its separation from the main one.
-    fn constellation(&mut self, constellation: usize, own: Variances) -> [Variances; 2];
+    fn constellation(&mut self, constellation: usize, own: &OwnVariances) -> [Variances; 2];
     /// Of the separation of the filter without two satellites from that without the first.
     fn pair(&self, base: usize, other: usize) -> Variances;
 }
@@ -169,15 +177,15 @@ pub trait ExtraNoise {
 pub struct WhiteNoise;
 
 impl ExtraNoise for WhiteNoise {
-    fn main(&mut self, _: Variances) -> Variances {
+    fn main(&mut self, _: &OwnVariances) -> Variances {
         [0.0; 2]
     }
 
-    fn sub(&mut self, _: usize, _: Variances) -> [Variances; 2] {
+    fn sub(&mut self, _: usize, _: &OwnVariances) -> [Variances; 2] {
         [[0.0; 2]; 2]
     }
 
-    fn constellation(&mut self, _: usize, _: Variances) -> [Variances; 2] {
+    fn constellation(&mut self, _: usize, _: &OwnVariances) -> [Variances; 2] {
         [[0.0; 2]; 2]
     }
 
@@ -203,6 +211,7 @@ pub struct Bank<const K: usize, const M: usize> {
     n_unmonitored: u8,
     /// Information of the members from each on to the last.
     after: [EpochInformation<M>; MAX_BANK + 1],
+    predicted: Predictions,
     before: EpochInformation<M>,
     between: EpochInformation<M>,
     without: EpochInformation<M>,
@@ -221,6 +230,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         rows: [None; MAX_BANK],
         n_unmonitored: 0,
         after: [const { EpochInformation::ZERO }; MAX_BANK + 1],
+        predicted: Predictions::NONE,
         before: EpochInformation::ZERO,
         between: EpochInformation::ZERO,
         without: EpochInformation::ZERO,
@@ -502,8 +512,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         } = *criterion;
         let constellations = self.constellations.iter().flatten().count();
         let k_detection = quantiles.detection(self.members.len() + constellations);
-        let own = separation::position_variances(main, c_enu_e);
-        let sigma = separation::sigmas_of(own, noise.main(own));
+        let predicted = &self.predicted;
+        let own = own_variances(main, predicted.main, c_enu_e);
+        let sigma = separation::sigmas_of(own.left, noise.main(&own));
         let mut verdict = BankVerdict {
             detected: false,
             isolated: None,
@@ -512,32 +523,36 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             sigma_m: sigma,
             fault_free_m: sigma.map(|sigma| sigma * quantiles.fault_free()),
         };
-        let compare = |filter: &Filter<K, M>, extra: [f64; 2], own: [f64; 2], between: [f64; 2]| {
-            let spread = separation::spread(main, filter, c_enu_e);
-            let sigma_m = separation::sigmas_of(own, extra);
-            Separation {
-                statistic_m: spread.distance_m,
-                threshold_m: separation::widened(spread.sigma_m, between)
-                    .map(|sigma| sigma * k_detection),
-                uncertainty_m: sigma_m.map(|sigma| sigma * quantiles.missed()),
-                sigma_m,
-            }
-        };
+        let compare =
+            |filter: &Filter<K, M>, own: Variances, extra: Variances, between: Variances| {
+                let spread = separation::spread(main, filter, c_enu_e);
+                let sigma_m = separation::sigmas_of(own, extra);
+                Separation {
+                    statistic_m: spread.distance_m,
+                    threshold_m: separation::widened(spread.sigma_m, between)
+                        .map(|sigma| sigma * k_detection),
+                    uncertainty_m: sigma_m.map(|sigma| sigma * quantiles.missed()),
+                    sigma_m,
+                }
+            };
         for member in &mut self.members {
             let Some(filter) = sub.filters.get(member.place) else {
                 continue;
             };
-            let own = separation::position_variances(filter, c_enu_e);
-            let [extra, between] = noise.sub(member.place, own);
-            member.separation = compare(filter, extra, own, between);
+            let before = predicted.sub.get(member.place).copied();
+            let own = own_variances(filter, before.unwrap_or([0.0; 2]), c_enu_e);
+            let [extra, between] = noise.sub(member.place, &own);
+            member.separation = compare(filter, own.left, extra, between);
             verdict.take(&member.separation, vertical);
         }
         let filters = sub.constellations.iter().zip(&mut self.constellations);
-        for (constellation, (filter, place)) in filters.enumerate() {
+        for ((constellation, (filter, place)), before) in
+            filters.enumerate().zip(predicted.constellations)
+        {
             if let Some(place) = place {
-                let own = separation::position_variances(filter, c_enu_e);
-                let [extra, between] = noise.constellation(constellation, own);
-                *place = compare(filter, extra, own, between);
+                let own = own_variances(filter, before, c_enu_e);
+                let [extra, between] = noise.constellation(constellation, &own);
+                *place = compare(filter, own.left, extra, between);
                 verdict.take(place, vertical);
             }
         }
@@ -682,6 +697,36 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 }
             }
         }
+    }
+}
+
+/// Variances of positions before the update, m²: of both horizontal directions together, and vertical.
+#[derive(Clone, Debug)]
+struct Predictions {
+    main: Variances,
+    sub: [Variances; MAX_BANK],
+    constellations: [Variances; MAX_CLOCKS],
+}
+
+impl Predictions {
+    const NONE: Self = Self {
+        main: [0.0; 2],
+        sub: [[0.0; 2]; MAX_BANK],
+        constellations: [[0.0; 2]; MAX_CLOCKS],
+    };
+}
+
+fn own_variances<const K: usize, const M: usize>(
+    filter: &Filter<K, M>,
+    before: Variances,
+    c_enu_e: &Matrix3<f64>,
+) -> OwnVariances {
+    let (left, now) = separation::position_variances_and_traces(filter, c_enu_e);
+    let ([before_h, before_v], [now_h, now_v]) = (before, now);
+    let taken = [before_h - now_h, before_v - now_v];
+    OwnVariances {
+        left,
+        taken: taken.map(|taken| if taken > 0.0 { taken } else { 0.0 }),
     }
 }
 

@@ -24,8 +24,12 @@
 //!
 //! A filter does not follow the least squares at once: per epoch it goes the share κ = P/P_wls of the
 //! way, its posterior variance over that of the least squares with the same weights, which is its gain. So
-//! does the bound, faster upwards (2 κ) than downwards (κ/2). Where the least squares has no solution, κ
-//! is zero: while coasting the bound is held.
+//! does the bound, faster upwards (2 κ) than downwards (about κ/2, the root of what is left of the variance).
+//! Where the least squares has no solution there
+//! is no way to go, and yet some satellites may move the filter: by K b per epoch, whose variance is at most
+//! ρ² times what the update takes from the filter's own, K S Kᵀ. Four times that much the bound grows, for what
+//! the velocity then does. Without any
+//! satellite it is held.
 
 #![expect(
     clippy::indexing_slicing,
@@ -34,16 +38,19 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::bank::{ExtraNoise, MAX_BANK};
+use super::bank::{ExtraNoise, MAX_BANK, OwnVariances};
 use super::least_squares::{MIN_LEFT, Normals, POSITION, UNKNOWNS, dot, whitened};
 use super::separation::Variances;
 use crate::consts::MAX_CLOCKS;
 use crate::ekf::MeasurementRow;
 
-/// The bound goes up by this many times the filter's gain, and down by the second.
+/// The bound goes up by this many times the filter's gain.
 const UPWARDS: f64 = 2.0;
-/// See [`UPWARDS`].
-const DOWNWARDS: f64 = 0.5;
+/// Without a least-squares solution the bound grows by this many times what the update takes: what moves the
+/// position moves the velocity too.
+const GROWTH: f64 = 4.0;
+/// Least ratio of the horizontal to the vertical part of a separation, and the other way round.
+const LEAST_PART: f64 = 0.2;
 
 /// A satellite of the epoch in least squares.
 #[derive(Clone, Copy, Debug)]
@@ -219,8 +226,8 @@ impl CorrelatedBound {
             };
             match pair {
                 Some((own, between)) => {
-                    *sub = own.map(libm::sqrt);
-                    *separation = between.map(libm::sqrt);
+                    *sub = own.map(root);
+                    *separation = between;
                 }
                 None => {
                     // What either of the two filters it follows had is held.
@@ -339,7 +346,7 @@ impl CorrelatedBound {
 
     /// Variances of the least squares without two satellites, and of its separation from that without the
     /// first alone.
-    fn pair_variances(&self, base: usize, other: usize) -> Option<(Variances, Variances)> {
+    fn pair_variances(&self, base: usize, other: usize) -> Option<(Variances, Sigmas)> {
         let without_base = self.without(base)?;
         let Some(row) = self.row(other) else {
             return Some((without_base.variances(self.ratio), [0.0; 2]));
@@ -368,14 +375,14 @@ impl CorrelatedBound {
 
 impl ExtraNoise for CorrelatedBound {
     /// The main filter's variance of the correlated part at this epoch; `own` is its posterior variance.
-    fn main(&mut self, own: Variances) -> Variances {
+    fn main(&mut self, own: &OwnVariances) -> Variances {
         self.main = advanced(self.main, self.whole.as_ref(), self.ratio, own);
         squares(self.main)
     }
 
     /// The same of the filter without the satellite of a place, and of its separation from the main one,
     /// which has been advanced.
-    fn sub(&mut self, place: usize, own: Variances) -> [Variances; 2] {
+    fn sub(&mut self, place: usize, own: &OwnVariances) -> [Variances; 2] {
         let without = self.without(place);
         let row = self.rows.get(place).copied().flatten();
         let (Some(sub), Some(separation)) =
@@ -389,16 +396,23 @@ impl ExtraNoise for CorrelatedBound {
             // Both filters have the same satellites now.
             None => [0.0; 2],
             Some(row) if row.left > MIN_LEFT => {
-                between(&row.gain_enu, row.left, row.residual, self.ratio).map(libm::sqrt)
+                between(&row.gain_enu, row.left, row.residual, self.ratio)
             }
             Some(_) => limit,
         };
-        *separation = separated(*separation, target, limit, self.whole.as_ref(), own);
+        *separation = separated(
+            *separation,
+            target,
+            limit,
+            self.whole.as_ref(),
+            self.ratio,
+            own,
+        );
         [squares(*sub), squares(*separation)]
     }
 
     /// The same of the filter without a constellation.
-    fn constellation(&mut self, constellation: usize, own: Variances) -> [Variances; 2] {
+    fn constellation(&mut self, constellation: usize, own: &OwnVariances) -> [Variances; 2] {
         let without = self
             .without_constellation
             .get(constellation)
@@ -425,7 +439,14 @@ impl ExtraNoise for CorrelatedBound {
             }
             _ => limit,
         };
-        *separation = separated(*separation, target, limit, self.whole.as_ref(), own);
+        *separation = separated(
+            *separation,
+            target,
+            limit,
+            self.whole.as_ref(),
+            self.ratio,
+            own,
+        );
         [squares(*sub), squares(*separation)]
     }
 
@@ -437,7 +458,7 @@ impl ExtraNoise for CorrelatedBound {
                 let [h, v] = sum(self.sigmas(base), self.sigmas(other));
                 [h * h, v * v]
             },
-            |(_, between)| between,
+            |(_, between)| squares(between),
         )
     }
 }
@@ -479,42 +500,70 @@ fn solved<'a, I: Iterator<Item = &'a Row>>(
     ))
 }
 
-/// Variance of the separation of two least squares, one without a row of this gain, redundancy, residual.
-fn between(gain: &[f64; 3], left: f64, residual: f64, ratio: f64) -> Variances {
+/// One sigma of the separation of two least squares, one without a row of this gain, redundancy, residual.
+/// Filters on the way to them are apart in other directions too: neither axis has less than a part of the
+/// other.
+fn between(gain: &[f64; 3], left: f64, residual: f64, ratio: f64) -> Sigmas {
     let [e, n, u] = *gain;
     let share = residual / left;
-    let scale = ratio / left + share * share;
-    [scale * (e * e + n * n), scale * (u * u)]
+    let scale = libm::sqrt(ratio / left + share * share);
+    let (h, v) = (scale * libm::sqrt(e * e + n * n), scale * libm::fabs(u));
+    [
+        if h > LEAST_PART * v {
+            h
+        } else {
+            LEAST_PART * v
+        },
+        if v > LEAST_PART * h {
+            v
+        } else {
+            LEAST_PART * h
+        },
+    ]
 }
 
-/// One epoch of the bound: towards the least squares by the filter's own gain.
-fn advanced(from: Sigmas, to: Option<&Subset>, ratio: f64, own: Variances) -> Sigmas {
+/// One epoch of the bound: towards the least squares by the filter's own gain, and upwards by no less than
+/// what the update can have moved the position.
+fn advanced(from: Sigmas, to: Option<&Subset>, ratio: f64, own: &OwnVariances) -> Sigmas {
+    let steps = steps(ratio, own);
     let Some(to) = to else {
-        return from;
+        return sum(from, steps);
     };
     let least_squares = to.own();
     let targets = to.variances(ratio);
     core::array::from_fn(|axis| {
         let (from, target) = (from[axis], root(targets[axis]));
-        from + share(own[axis] / least_squares[axis], target > from) * (target - from)
+        if !(target > from) {
+            return target + kept(own, axis) * (from - target);
+        }
+        let gain = UPWARDS * own.left[axis] / least_squares[axis];
+        let mut step = if gain < 1.0 {
+            gain * (target - from)
+        } else {
+            target - from
+        };
+        if step < steps[axis] {
+            step = steps[axis];
+        }
+        if from + step > target {
+            target
+        } else {
+            from + step
+        }
     })
 }
 
-/// Share of the way in one epoch. A gain that is no number goes all the way up and none down.
-fn share(gain: f64, upwards: bool) -> f64 {
-    let (factor, otherwise) = if upwards {
-        (UPWARDS, 1.0)
-    } else {
-        (DOWNWARDS, 0.0)
-    };
-    let share = factor * gain;
-    if share >= 0.0 && share <= 1.0 {
-        share
-    } else if share > 1.0 {
-        1.0
-    } else {
-        otherwise
-    }
+/// What an update leaves of an error that was in the position before, at most: the root of what it leaves of
+/// the variance.
+fn kept(own: &OwnVariances, axis: usize) -> f64 {
+    let (left, taken) = (own.left[axis], own.taken[axis]);
+    let share = left / (left + taken);
+    if share < 1.0 { root(share) } else { 1.0 }
+}
+
+/// What an update may move a position by, whatever the satellites, m.
+fn steps(ratio: f64, own: &OwnVariances) -> Sigmas {
+    own.taken.map(|taken| GROWTH * libm::sqrt(ratio * taken))
 }
 
 /// The separation of two filters: at once up to the least squares, and down as the filters forget; never
@@ -524,15 +573,17 @@ fn separated(
     target: Sigmas,
     limit: Sigmas,
     whole: Option<&Subset>,
-    own: Variances,
+    ratio: f64,
+    own: &OwnVariances,
 ) -> Sigmas {
-    let least_squares = whole.map_or([f64::INFINITY; 2], Subset::own);
+    let steps = steps(ratio, own);
     core::array::from_fn(|axis| {
         let (from, target) = (from[axis], target[axis]);
-        let moved = if target >= from {
-            target
-        } else {
-            from + share(own[axis] / least_squares[axis], false) * (target - from)
+        let moved = match whole {
+            _ if target >= from => target,
+            Some(_) => target + kept(own, axis) * (from - target),
+            // Some satellites move both filters, not alike.
+            None => from + steps[axis],
         };
         if moved > limit[axis] {
             limit[axis]

@@ -46,6 +46,17 @@ pub fn position_variances<const K: usize, const M: usize>(
     variances(&position_covariance(filter), c_enu_e)
 }
 
+/// The same, and the variances of both horizontal directions together, and vertical.
+pub(super) fn position_variances_and_traces<const K: usize, const M: usize>(
+    filter: &Filter<K, M>,
+    c_enu_e: &Matrix3<f64>,
+) -> (Variances, Variances) {
+    let p_e = position_covariance(filter);
+    let largest = variances(&p_e, c_enu_e);
+    let [_, up] = largest;
+    (largest, [p_e.trace() - up, up])
+}
+
 /// One sigma of a position, m, from its filter's variance and what comes on top of it. Infinite where that is
 /// no variance.
 pub fn sigmas_of(own: Variances, extra: Variances) -> [f64; 2] {

@@ -46,6 +46,8 @@ const BLIND_NS: i64 = 120 * NS_PER_S;
 /// An alert that nothing explains for this long ends tight mode, ns: a filter with a fault in it does not
 /// get rid of it by itself.
 const MAX_ALERT_NS: i64 = 60 * NS_PER_S;
+/// Farther than this from where the main filter expects it, in sigmas, a pseudorange is grossly wrong.
+const GROSS_SIGMAS: f64 = 10.0;
 /// Probability that satellites without a fault do not fit after an exclusion of two or of a constellation.
 const P_POSTFIT: f64 = 1.0e-3;
 /// Variance of the correlated part of a pseudorange error over the variance that the filters take for white:
@@ -65,6 +67,8 @@ pub(super) struct RecordingBank {
     alert_since: Option<GpsTime>,
     /// What an error common to the satellites of the epoch does to each, m.
     common_m: Vec<(Satellite, f64), MAX_SATELLITES>,
+    /// Satellites of this epoch were kept from all filters as grossly wrong.
+    withheld: bool,
     opinion: Option<BankOpinion>,
 }
 
@@ -82,6 +86,7 @@ impl RecordingBank {
         blind_since: None,
         alert_since: None,
         common_m: Vec::new(),
+        withheld: false,
         opinion: None,
     };
 
@@ -174,7 +179,44 @@ impl TightMonitor {
                 .for_each_filter(&mut fast.sub, secondaries, |filter| change.apply(filter));
         }
         self.make_rows(&at);
+        self.recording.withheld = self.withhold_unexplainable();
         self.finish_with_bank(&at, BankMemory { fast, secondaries }, tested.is_some())
+    }
+
+    /// Three satellites of different constellations far from where the main filter expects them are no fault
+    /// that a hypothesis of the bank stands for: they enter no filter. True where that is so.
+    fn withhold_unexplainable(&mut self) -> bool {
+        let Self {
+            navigator,
+            recording,
+            rows,
+            ..
+        } = self;
+        let is_gross = |of: &BankRow<JOINT>| {
+            let common_m = of_satellite(&recording.common_m, of.satellite);
+            let variance_m2 = predicted_variance(&of.row, navigator.filter())
+                + (1.0 + CORRELATED_RATIO) / of.row.weight
+                + common_m * common_m;
+            let square_m2 = of.row.innovation_m * of.row.innovation_m;
+            !(square_m2 <= GROSS_SIGMAS * GROSS_SIGMAS * variance_m2)
+        };
+        let mut gross = [0_usize; System::ALL.len()];
+        let mut seen = [0_usize; System::ALL.len()];
+        for row in rows.iter() {
+            let system = row.satellite.system().index();
+            if let (Some(gross), Some(seen)) = (gross.get_mut(system), seen.get_mut(system)) {
+                *seen += 1;
+                *gross += usize::from(is_gross(row));
+            }
+        }
+        let count: usize = gross.iter().sum();
+        let systems = |counts: &[usize]| counts.iter().filter(|count| **count > 0).count();
+        // All from one of several constellations: that has a filter.
+        if count < 3 || systems(&gross) == 1 && systems(&seen) > 1 {
+            return false;
+        }
+        rows.retain(|row| !is_gross(row));
+        true
     }
 
     /// An epoch was due at `due` and the receiver gave none: all filters go on without it.
@@ -195,6 +237,7 @@ impl TightMonitor {
         let transition = self.navigator.transition();
         self.bank.predict(transition, &mut fast.sub, secondaries);
         self.rows.clear();
+        self.recording.withheld = false;
         self.finish_with_bank(&at, BankMemory { fast, secondaries }, false)
     }
 
@@ -332,7 +375,7 @@ impl TightMonitor {
         let may_swap = recording
             .last_swap
             .is_none_or(|last| place.time.ns().saturating_sub(last.ns()) >= SWAP_INTERVAL_NS);
-        if let Some(leaving) = selection::select(bank, rows, may_swap)
+        if let Some(leaving) = selection::select(bank, rows, place.time, may_swap)
             && let Some(left) = bank.evict(leaving, main, sub, secondaries)
         {
             recording.correlated.exclude(left);
@@ -359,6 +402,7 @@ impl TightMonitor {
                 recording.correlated.begin_constellation(constellation);
             }
         }
+        bank.note_predictions(main, sub, &place.c_enu_e);
     }
 
     /// Tests, explanation, exclusion, levels.
@@ -431,7 +475,8 @@ impl TightMonitor {
         let is_blind = recording
             .blind_since
             .is_some_and(|since| place.time.ns().saturating_sub(since.ns()) < BLIND_NS);
-        let levels_m = if verdict.detected || is_blind {
+        let is_alerted = verdict.detected || recording.withheld;
+        let levels_m = if is_alerted || is_blind {
             [None; 2]
         } else {
             recording.blind_since = None;
@@ -443,7 +488,7 @@ impl TightMonitor {
             )
         };
         recording.opinion = Some(BankOpinion {
-            is_alerted: verdict.detected,
+            is_alerted,
             excluded: bank.excluded(),
             levels_m,
         });

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `esbc-steps` | steps on satellites of a day of recording | `steps.rs` |
 //! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] | |
+//! | `recording-faults` | a replay of ESBC, walk or drive with an inertial unit and faults one after the other | `recording_faults.rs` |
 //! | `seed-ramp` | the ramp of [P0] 2.3 with each grade, with and without it on the range rate | `seed_ramp.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -16,9 +17,12 @@ pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod monte_carlo;
 pub mod outcome;
+pub mod recording_faults;
 pub mod rig;
 pub mod seed_ramp;
+pub mod seed_sweep;
 pub mod sky;
 pub mod steps;
 pub mod trial;
@@ -70,7 +74,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency, seed-ramp, false-alerts, recording-faults), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -84,7 +88,7 @@ pub struct Args {
     /// Run shard I of K, I from 1
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
-    /// Directory with the recording
+    /// Directory with the recording ESBC; those of recording-faults lie beside it
     #[arg(
         long,
         value_name = "DIR",
@@ -110,6 +114,8 @@ pub fn run(args: &Args) -> Result<()> {
         name => name.to_owned(),
     };
     if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+        || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
+        || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
     {
         return Ok(());
@@ -136,8 +142,21 @@ pub fn run(args: &Args) -> Result<()> {
         "filter-consistency" => {
             return filter_consistency(args);
         }
+        "recording-faults" => {
+            if args.shard.is_some() {
+                bail!("recording-faults has no shards: give runs of different --seed instead");
+            }
+            let trials = args.trials.unwrap_or(recording_faults::TRIALS);
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let phase = args.settings.phase.as_ref();
+            let phase = phase.map(|_| args.settings.config()).transpose()?;
+            let phase = phase.map(|config| config.phase);
+            return recording_faults::run(data, phase, trials, args.seed, &args.out);
+        }
         other => {
-            bail!("there is no campaign \"{other}\": take esbc-steps, filter-consistency, or merge")
+            bail!(
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, seed-ramp, false-alerts, recording-faults, or merge"
+            )
         }
     };
     std::fs::write(&args.out, serde_json::to_string_pretty(&result)? + "\n")

@@ -5,6 +5,7 @@
 
 use std::fmt::Write as _;
 
+use serde::Serialize;
 use surefix_core::bank_report::{BankReport, BankTest};
 use surefix_core::gnss::Satellite;
 use surefix_core::integrity::Integrity;
@@ -17,6 +18,36 @@ pub const FIXED_COLUMNS: &str = ",n_bank,n_unmonitored,uncertainty_h_m,uncertain
 
 /// What the bank found at each epoch, beside the reports; `None` where it did not run.
 pub type Banks = [Option<Box<BankReport>>];
+
+/// What the bank did over all epochs, for `summary.json`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct BankSummary {
+    /// Epochs in which it ran.
+    pub epochs: usize,
+    /// Epochs in which a test failed.
+    pub epochs_with_failed_test: usize,
+    /// Epochs with more satellites than it has places for.
+    pub epochs_over_capacity: usize,
+    /// Fewest satellites in it.
+    pub fewest_satellites: Option<usize>,
+    /// Most satellites in it.
+    pub most_satellites: Option<usize>,
+}
+
+impl BankSummary {
+    /// Counts.
+    pub fn new(banks: &Banks) -> Self {
+        let ran = || banks.iter().flatten();
+        let satellites = || ran().map(|bank| bank.tests.len());
+        Self {
+            epochs: ran().count(),
+            epochs_with_failed_test: ran().filter(|bank| bank.detected).count(),
+            epochs_over_capacity: ran().filter(|bank| bank.n_unmonitored > 0).count(),
+            fewest_satellites: satellites().min(),
+            most_satellites: satellites().max(),
+        }
+    }
+}
 
 /// The satellites that have columns.
 #[derive(Clone, Debug)]

@@ -8,10 +8,12 @@ use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+use super::bank;
+use super::stanford::Diagram;
 use super::table::{Row, Table};
 
 /// Standard base64 with padding. [RFC-4648] section 4.
-fn base64(bytes: &[u8]) -> String {
+pub fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {
@@ -120,6 +122,14 @@ pub fn satellite_ranges(rows: &[Row]) -> Vec<(String, Ranges, Ranges)> {
         .collect()
 }
 
+/// Horizontal and vertical.
+fn stanford(rows: &[Row]) -> [Value; 2] {
+    [
+        Diagram::new(rows, Row::horizontal_error_m, |r| r.hpl_m, |r| r.hal_m).pack(),
+        Diagram::new(rows, Row::vertical_error_m, |r| r.vpl_m, |r| r.val_m).pack(),
+    ]
+}
+
 /// The object the page's script reads.
 pub fn pack(table: &Table) -> Value {
     let rows = &table.rows;
@@ -150,6 +160,11 @@ pub fn pack(table: &Table) -> Value {
         "e": number(|r| r.error_enu_m.map(|e| e[0])),
         "nn": number(|r| r.error_enu_m.map(|e| e[1])),
         "u": number(|r| r.error_enu_m.map(|e| e[2])),
+        "uh": number(|r| r.uncertainty_m[0]),
+        "uv": number(|r| r.uncertainty_m[1]),
+        "nbank": number(|r| r.n_bank),
+        "bank": bank::pack(table),
+        "stanford": table.has_errors.then(|| stanford(rows)),
         "truth": table.has_errors,
         "hasUsed": table.has_used,
         "sats": satellites,

@@ -5,8 +5,10 @@
 //! network. Every epoch is in it: where a screen has fewer columns than the run has epochs, a column
 //! shows the smallest and the largest value of the epochs it stands for.
 
+mod bank;
 mod data;
 mod figures;
+mod stanford;
 mod table;
 
 use std::fmt::Write as _;
@@ -17,6 +19,8 @@ use serde_json::Value;
 
 use figures::{Axis, Figures, STATES, figures};
 use table::Table;
+
+pub use stanford::Region;
 
 const PAGE: &str = include_str!("report.html");
 const EMPTY_PAGE: &str = include_str!("empty.html");

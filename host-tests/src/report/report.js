@@ -26,7 +26,7 @@
   }
   const T = times(D.t);
   const col = {};
-  for (const k of ["week", "state", "reason", "hpl", "vpl", "hal", "val", "stat", "thr", "nsat", "nvis", "e", "nn", "u"]) col[k] = column(D[k]);
+  for (const k of ["week", "state", "reason", "hpl", "vpl", "hal", "val", "stat", "thr", "nsat", "nvis", "e", "nn", "u", "uh", "uv", "nbank"]) col[k] = column(D[k]);
   const map = (f) => Float32Array.from({ length: N }, (_, i) => f(i));
   col.he = map((i) => Math.hypot(col.e[i], col.nn[i]));
   col.ve = map((i) => Math.abs(col.u[i]));
@@ -343,7 +343,7 @@
       overlay(g, p);
     };
     p.read = (i) => {
-      for (const l of p.values) l.out.textContent = i === null ? "" : (spec.whole && l.values[i] === l.values[i] ? String(l.values[i]) : number(l.values[i])) + (spec.unit === "1" || spec.unit === "" ? "" : "\u2009" + spec.unit);
+      for (const l of p.values) l.out.textContent = i === null ? "" : (spec.whole && l.values[i] === l.values[i] ? String(l.values[i]) : number(l.values[i])) + (spec.unit === "1" || spec.unit === "" || l.values[i] !== l.values[i] ? "" : "\u2009" + spec.unit);
     };
     panels.push(p);
   }
@@ -419,88 +419,355 @@
     return out;
   }
 
-  // Error against level: the diagram of Stanford.
-  function stanford(parent, name, error, level, limit) {
+  // Every filter of the bank: statistic over threshold.
+  const bank = D.bank && (() => {
+    const u16 = (text) => new Uint16Array(bytes(text));
+    const B = D.bank.bins, each = D.bank.each;
+    // Time of the first epoch of each bin; a gap breaks a line.
+    const time = Float64Array.from({ length: B }, (_, k) => T[k * each]);
+    const out = new Set(D.sats.filter((s) => s.out.length).map((s) => s.id));
+    const sats = D.bank.sats.map((s) => {
+      const packed = [u16(s.h), u16(s.v)];
+      const ratio = packed.map(() => new Float32Array(B).fill(NaN));
+      let at = 0;
+      for (const [from, to] of s.in) for (let k = from; k < to; k++, at++) {
+        for (const a of [0, 1]) if (packed[a][at] !== 65535) ratio[a][k] = packed[a][at] / 1000;
+      }
+      return { id: s.id, ratio, excluded: out.has(s.id) };
+    });
+    const largest = [0, 1].map((a) => {
+      const line = new Float32Array(B).fill(NaN);
+      for (const s of sats) for (let k = 0; k < B; k++) {
+        const v = s.ratio[a][k];
+        if (v === v && !(v <= line[k])) line[k] = v;
+      }
+      return line;
+    });
+    return { B, each, time, sats, largest };
+  })();
+  function binOf(i) { return Math.min(bank.B - 1, Math.floor(i / bank.each)); }
+
+  function ratioPanel(parent, name, axis) {
+    const p = makeFigure(parent, name, "1");
+    p.height = 220;
+    addKey(p.caption, "threshold", "limit", "dash");
+    const outLargest = addKey(p.caption, "largest", "ink", "");
+    addKey(p.caption, "each filter", "faint", "");
+    if (bank.sats.some((s) => s.excluded)) addKey(p.caption, "of a satellite excluded at some time", "alert", "");
+    const outPointed = addKey(p.caption, "pointed at", "level", "");
+    let pointed = null, still = null, stillKey = "";
+
+    // Largest value of each half pixel, as pieces of a line.
+    function trace(g, values, yOf) {
+      let x0 = NaN, best = NaN, open = false, before = NaN;
+      const gap = 1.6 * step * bank.each;
+      const flush = () => { if (best === best) { const y = yOf(best); if (open) g.lineTo(x0, y); else { g.moveTo(x0 - 0.5, y); g.lineTo(x0 + 0.5, y); } open = true; } };
+      for (let k = 0; k < bank.B; k++) {
+        const t = bank.time[k];
+        if (t < view[0] - gap || t > view[1] + gap) continue;
+        const v = values[k];
+        if (!(v === v) || t - before > gap) { flush(); best = NaN; open = false; if (!(v === v)) { before = t; continue; } }
+        before = t;
+        const x = Math.round(xOf(p, t) * 2) / 2;
+        if (x !== x0) { flush(); x0 = x; best = v; } else if (!(best >= v)) best = v;
+      }
+      flush();
+    }
+    function scale() {
+      let hi = 1;
+      const a = Math.max(0, Math.floor((lower(view[0]) - 1) / bank.each)), b = binOf(Math.min(N - 1, lower(view[1]) + 1));
+      for (let k = a; k <= b; k++) if (bank.largest[axis][k] > hi) hi = bank.largest[axis][k];
+      return logScale ? [0.01, Math.pow(10, Math.ceil(Math.log10(hi * 1.15) * 4) / 4)] : [0, Math.min(hi, 60) * 1.1];
+    }
+    function yFrom(lo, hi, b) {
+      return logScale
+        ? (v) => b.y + b.h - Math.log(Math.max(v, lo) / lo) / Math.log(hi / lo) * b.h
+        : (v) => b.y + b.h - Math.min(v, hi) / hi * b.h;
+    }
+    function clipTo(g, b) { g.save(); g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip(); }
+    function line(g, s, yOf, css, width) {
+      g.strokeStyle = colour[css];
+      g.lineWidth = width;
+      g.beginPath(); trace(g, s, yOf); g.stroke();
+    }
+
+    p.draw = () => {
+      const g = prepare(p), b = p.box;
+      const [lo, hi] = scale();
+      const yOf = yFrom(lo, hi, b);
+      p.yOf = yOf;
+      // The lines are many and change with the view only: they are kept as a picture.
+      const key = [view, p.canvas.width, p.canvas.height, logScale, colour.paper, colour.ink, lo, hi].join();
+      if (key !== stillKey) {
+        stillKey = key;
+        still = document.createElement("canvas");
+        still.width = p.canvas.width; still.height = p.canvas.height;
+        const s = still.getContext("2d");
+        s.setTransform(g.getTransform());
+        s.fillStyle = colour.limit;
+        s.globalAlpha = 0.05;
+        s.fillRect(b.x, b.y, b.w, Math.max(0, yOf(1) - b.y));
+        s.globalAlpha = 1;
+        timeAxis(s, p);
+        s.font = font(11);
+        s.textAlign = "right";
+        s.textBaseline = "middle";
+        const ticks = logScale ? [0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30] : niceSteps(lo, hi, 5);
+        for (const v of ticks) {
+          if (v < lo || v > hi) continue;
+          const y = Math.round(yOf(v)) + 0.5;
+          s.strokeStyle = colour.grid;
+          s.lineWidth = 1;
+          s.beginPath(); s.moveTo(b.x, y); s.lineTo(b.x + b.w, y); s.stroke();
+          s.fillStyle = v === 1 ? colour.limit : colour.soft;
+          s.fillText(String(Number(v.toPrecision(3))), b.x - 7, Math.min(Math.max(y, b.y + 5), b.y + b.h - 4));
+        }
+        clipTo(s, b);
+        s.globalAlpha = bank.sats.length > 12 ? 0.55 : 0.8;
+        s.lineJoin = "round";
+        for (const sat of bank.sats) if (!sat.excluded) line(s, sat.ratio[axis], yOf, "faint", 0.75);
+        s.globalAlpha = 1;
+        line(s, bank.largest[axis], yOf, "ink", 1);
+        const labels = [];
+        for (const sat of bank.sats) if (sat.excluded) {
+          // Strong where it is on its way.
+          s.globalAlpha = 0.5;
+          line(s, sat.ratio[axis], yOf, "alert", 0.75);
+          s.globalAlpha = 1;
+          line(s, sat.ratio[axis].map((v) => (v > 0.5 ? v : NaN)), yOf, "alert", 1.75);
+          // Named where it is largest.
+          let at = -1;
+          sat.ratio[axis].forEach((v, k) => { if (v === v && bank.time[k] >= view[0] && bank.time[k] <= view[1] && (at < 0 || v > sat.ratio[axis][at])) at = k; });
+          if (at >= 0 && sat.ratio[axis][at] > 0.5) labels.push([sat.id, xOf(p, bank.time[at]), yOf(sat.ratio[axis][at])]);
+        }
+        s.strokeStyle = colour.limit;
+        s.lineWidth = 1.25;
+        s.setLineDash([6, 4]);
+        s.beginPath(); s.moveTo(b.x, yOf(1)); s.lineTo(b.x + b.w, yOf(1)); s.stroke();
+        s.setLineDash([]);
+        s.font = "600 " + font(11);
+        s.textBaseline = "middle";
+        const placed = [];
+        for (const [text, x, y] of labels) {
+          const right = x < b.x + b.w - 40;
+          let yy = Math.max(y, b.y + 8);
+          while (placed.some(([px, py]) => Math.abs(px - x) < 34 && Math.abs(py - yy) < 12)) yy += 12;
+          placed.push([x, yy]);
+          s.fillStyle = colour.alert;
+          s.fillRect(x - 2, y - 2, 4, 4);
+          s.textAlign = right ? "left" : "right";
+          s.lineWidth = 3;
+          s.strokeStyle = colour.paper;
+          s.strokeText(text, right ? x + 5 : x - 5, yy);
+          s.fillText(text, right ? x + 5 : x - 5, yy);
+        }
+        s.restore();
+        frame(s, p);
+      }
+      g.save();
+      g.setTransform(1, 0, 0, 1, 0, 0);
+      g.drawImage(still, 0, 0);
+      g.restore();
+      if (pointed) {
+        clipTo(g, b);
+        line(g, pointed.ratio[axis], yOf, "level", 2);
+        const v = cursor === null ? NaN : pointed.ratio[axis][binOf(cursor)];
+        if (v === v) {
+          const x = xOf(p, T[cursor]), right = x < b.x + b.w - 50;
+          g.font = "600 " + font(12);
+          g.textAlign = right ? "left" : "right";
+          g.textBaseline = "bottom";
+          g.lineWidth = 4;
+          g.strokeStyle = colour.paper;
+          g.strokeText(pointed.id, right ? x + 6 : x - 6, yOf(v) - 4);
+          g.fillStyle = colour.level;
+          g.fillText(pointed.id, right ? x + 6 : x - 6, yOf(v) - 4);
+        }
+        g.restore();
+      }
+      overlay(g, p);
+    };
+    p.read = (i) => {
+      if (i === null) { outLargest.textContent = outPointed.textContent = ""; return; }
+      const k = binOf(i);
+      const top = bank.sats.find((s) => s.ratio[axis][k] === bank.largest[axis][k]);
+      outLargest.textContent = top ? top.id + "\u2002" + ratio(bank.largest[axis][k]) : "–";
+      outPointed.textContent = pointed ? pointed.id + "\u2002" + ratio(pointed.ratio[axis][k]) : "";
+    };
+    const ratio = (v) => (v >= 65 ? "65 or more" : number(v));
+    // The line nearest to the pointer, if one is near.
+    p.point = (i, y) => {
+      const before = pointed;
+      pointed = null;
+      if (i !== null && p.yOf) {
+        const k = binOf(i);
+        let near = 14;
+        for (const s of bank.sats) {
+          const v = s.ratio[axis][k];
+          const away = v === v ? Math.abs(p.yOf(v) - y) : Infinity;
+          if (away < near) { near = away; pointed = s; }
+        }
+      }
+      if (before !== pointed) { p.read(i); redraw(); }
+    };
+    panels.push(p);
+  }
+
+  // Error against level: the diagram of Stanford, of the whole run, counted in cells.
+  function stanford(parent, name, data, error, level) {
     const p = makeFigure(parent, name, "m");
     p.figure.className = "still";
     p.canvas.setAttribute("aria-label", name + ": error against protection level");
-    p.height = 300;
-    const inView = document.createElement("span");
-    inView.className = "key line";
-    p.caption.append(inView);
+    p.height = 360;
+    const cells = [];
+    for (let k = 0; k < data.cells.length; k += 4) cells.push(data.cells.slice(k, k + 4));
+    const most = cells.reduce((m, c) => Math.max(m, c[3]), 1);
+    const al = data.limit === null ? NaN : data.limit;
+    const counts = document.createElement("span");
+    counts.className = "key line";
+    const [normal, unavailable, misleading, both, hazardous] = data.regions;
+    const list = [["normal operation", normal]];
+    if (al === al) list.push(["system unavailable", unavailable]);
+    list.push(["misleading", misleading]);
+    if (al === al) list.push(["hazardously misleading", hazardous]);
+    if (both) list.push(["unavailable and misleading", both]);
+    if (data.alerted) list.push(["at alert, not drawn", data.alerted]);
+    if (data.without) list.push(["without a level", data.without]);
+    counts.textContent = "epochs: " + list.map(([text, n]) => n + "\u00a0" + text.replace(/ /g, "\u00a0")).join(" · ");
+    p.caption.append(counts);
+    // The axes: all cells, the limit, and a little more; at most four decades.
+    let top = 0.1, bottom = Infinity;
+    for (const [e, l] of cells) {
+      top = Math.max(top, Math.pow(10, (Math.max(e, l) + 1) / data.per));
+      bottom = Math.min(bottom, Math.pow(10, Math.min(e, l) / data.per));
+    }
+    if (al === al) top = Math.max(top, al * 2.5);
+    const hi = Math.pow(10, Math.ceil(Math.log10(top * 1.1) * 4) / 4);
+    const lo = Math.pow(10, Math.floor(Math.log10(Math.max(Math.min(bottom, top / 10), hi / 1e4)) * 2) / 2);
     p.draw = () => {
       const g = prepare(p), b = p.box;
-      b.h -= 14;
-      const from = lower(view[0]), to = Math.min(N, lower(view[1] + 1e-9) + 1);
-      let lo = Infinity, hi = 0, count = 0, over = 0;
-      for (let i = from; i < to; i++) if (error[i] === error[i] && level[i] === level[i]) {
-        count++;
-        if (error[i] > level[i]) over++;
-        lo = Math.min(lo, Math.max(error[i], 1e-3), level[i]);
-        hi = Math.max(hi, error[i], level[i]);
-      }
-      inView.textContent = count + " epochs, " + over + " with the error above the level";
-      if (!count) { lo = 0.1; hi = 10; }
-      lo = Math.pow(10, Math.floor(Math.log10(Math.max(lo, hi / 1e3)) * 2) / 2);
-      hi = Math.pow(10, Math.ceil(Math.log10(hi * 1.15) * 4) / 4);
+      b.h -= 32;
+      b.y += 18;
       const span = Math.log(hi / lo);
       const X = (v) => b.x + Math.log(Math.max(v, lo) / lo) / span * b.w;
       const Y = (v) => b.y + b.h - Math.log(Math.max(v, lo) / lo) / span * b.h;
+      const right = b.x + b.w, low = b.y + b.h;
+      const area = (css, alpha, corners) => {
+        g.fillStyle = colour[css];
+        g.globalAlpha = alpha;
+        g.beginPath();
+        corners.forEach(([x, y], k) => { if (k) g.lineTo(x, y); else g.moveTo(x, y); });
+        g.fill();
+        g.globalAlpha = 1;
+      };
+      const diagonal = (v) => [X(v), Y(v)];
+      if (al === al) {
+        area("unavailable", 0.13, [[b.x, Y(al)], [b.x, b.y], diagonal(hi), diagonal(al)]);
+        area("excluded", 0.13, [diagonal(lo), diagonal(al), [X(al), low]]);
+        area("excluded", 0.22, [diagonal(al), diagonal(hi), [right, Y(al)]]);
+        area("alert", 0.2, [[X(al), low], diagonal(al), [right, Y(al)], [right, low]]);
+      } else area("excluded", 0.13, [diagonal(lo), diagonal(hi), [right, low]]);
       g.font = font(11);
       for (let e = Math.floor(Math.log10(lo)); e <= Math.log10(hi); e++) for (const m of [1, 3]) {
         const v = m * Math.pow(10, e);
         if (v < lo * 0.999 || v > hi) continue;
         g.strokeStyle = colour.grid;
-        g.beginPath(); g.moveTo(X(v), b.y); g.lineTo(X(v), b.y + b.h); g.moveTo(b.x, Y(v)); g.lineTo(b.x + b.w, Y(v)); g.stroke();
+        g.lineWidth = 1;
+        g.beginPath(); g.moveTo(X(v), b.y); g.lineTo(X(v), low); g.moveTo(b.x, Y(v)); g.lineTo(right, Y(v)); g.stroke();
+        if (m !== 1 && b.w < 60 * Math.log10(hi / lo)) continue;
         g.fillStyle = colour.soft;
         const text = String(Number(v.toPrecision(1)));
         g.textAlign = "center"; g.textBaseline = "top";
-        g.fillText(text, X(v), b.y + b.h + 4);
+        g.fillText(text, X(v), low + 4);
         g.textAlign = "right"; g.textBaseline = "middle";
         g.fillText(text, b.x - 7, Y(v));
       }
       g.save();
       g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip();
-      g.fillStyle = colour.limit;
-      g.globalAlpha = 0.07;
-      g.beginPath(); g.moveTo(X(lo), Y(lo)); g.lineTo(X(hi), Y(hi)); g.lineTo(X(hi), Y(lo)); g.fill();
+      // The more epochs, the darker, by the logarithm; errors above the level come last and in red.
+      for (const above of [0, 1]) for (const [e, l, over, n] of cells) {
+        if (over !== above) continue;
+        const v = (k) => Math.pow(10, k / data.per);
+        let x0 = X(v(e)), x1 = X(v(e + 1));
+        const y0 = Y(v(l + 1)), y1 = Y(v(l));
+        // Below the axis: a cell on its edge.
+        if (x1 <= b.x + 0.5) { x0 = b.x; x1 = b.x + (X(v(1)) - X(v(0))); }
+        g.globalAlpha = shade(n);
+        g.fillStyle = over ? colour.alert : colour.level;
+        g.fillRect(x0, y0, Math.max(2, x1 - x0 + 0.3), Math.max(2, y1 - y0 + 0.3));
+      }
       g.globalAlpha = 1;
       g.strokeStyle = colour.soft;
+      g.lineWidth = 1;
       g.beginPath(); g.moveTo(X(lo), Y(lo)); g.lineTo(X(hi), Y(hi)); g.stroke();
-      const al = limit[to - 1];
-      if (al === al && al < hi) {
+      if (al === al) {
         g.strokeStyle = colour.limit;
         g.setLineDash([5, 3]);
-        g.beginPath(); g.moveTo(b.x, Y(al)); g.lineTo(b.x + b.w, Y(al)); g.stroke();
+        g.beginPath(); g.moveTo(b.x, Y(al)); g.lineTo(right, Y(al)); g.moveTo(X(al), low); g.lineTo(X(al), Y(al)); g.stroke();
         g.setLineDash([]);
       }
-      // Equal points are drawn once per pixel; the darker, the more epochs.
-      const seen = new Map();
-      for (let i = from; i < to; i++) if (error[i] === error[i] && level[i] === level[i]) {
-        const key = Math.round(X(error[i])) * 4096 + Math.round(Y(level[i]));
-        seen.set(key, (seen.get(key) || 0) + (error[i] > level[i] ? 1e6 : 1));
-      }
-      for (const [key, n] of seen) {
-        g.globalAlpha = n >= 1e6 ? 1 : Math.min(1, 0.35 + 0.25 * Math.log10(n));
-        g.fillStyle = n >= 1e6 ? colour.alert : colour.level;
-        g.fillRect(Math.floor(key / 4096) - 1, key % 4096 - 1, 2.5, 2.5);
-      }
-      g.globalAlpha = 1;
       g.restore();
       frame(g, p);
+      // Names of the parts, in words that fit them.
+      const label = (lines, x, y, align, css) => {
+        g.font = "600 " + font(11);
+        g.textAlign = align;
+        g.textBaseline = "middle";
+        lines.forEach((text, k) => {
+          const at = y + (k - (lines.length - 1) / 2) * 13;
+          g.lineWidth = 3;
+          g.strokeStyle = colour.paper;
+          g.globalAlpha = 0.75;
+          g.strokeText(text, x, at);
+          g.globalAlpha = 1;
+          g.fillStyle = colour[css];
+          g.fillText(text, x, at);
+        });
+      };
+      if (al === al) {
+        if (Y(al) - b.y > 16) label(["system unavailable"], b.x + 8, b.y + 12, "left", "soft");
+        label(["normal", "operation"], b.x + 8, Math.min(Y(al) + 20, low - 20), "left", "nominal");
+        if (X(al) - b.x > 110) label(["misleading", "information"], X(al) - 8, low - 20, "right", "second");
+        if (right - X(al) > 190) label(["hazardously misleading information"], right - 6, low - 20, "right", "alert");
+        else if (right - X(al) > 92) label(["hazardously", "misleading", "information"], right - 6, low - 28, "right", "alert");
+        else {
+          // Upwards in a narrow strip.
+          g.save();
+          g.translate((X(al) + right) / 2, low - 8);
+          g.rotate(-Math.PI / 2);
+          label(["hazardously misleading", "information"], 0, 0, "left", "alert");
+          g.restore();
+        }
+      } else {
+        label(["normal operation"], b.x + 8, b.y + 14, "left", "nominal");
+        label(["misleading", "information"], right - 8, low - 30, "right", "second");
+      }
+      g.font = font(11);
       g.fillStyle = colour.soft;
-      g.textAlign = "right"; g.textBaseline = "bottom";
-      g.fillText("error", b.x + b.w - 4, b.y + b.h - 3);
+      g.textAlign = "center"; g.textBaseline = "top";
+      g.fillText("error, m", b.x + b.w / 2, low + 18);
       g.textAlign = "left"; g.textBaseline = "top";
-      g.fillText("level", b.x + 5, b.y + 4);
-      g.textAlign = "right"; g.textBaseline = "bottom";
-      g.fillText("error above level", b.x + b.w - 4, b.y + b.h - 18);
+      g.fillText("level, m", b.x, TOP - 1);
+      // What a colour stands for.
+      const steps = 24, barW = 72, barX = right - barW - 30;
+      for (let k = 0; k < steps; k++) {
+        g.globalAlpha = shade(Math.pow(most, (k + 0.5) / steps));
+        g.fillStyle = colour.level;
+        g.fillRect(barX + k * barW / steps, TOP, barW / steps + 0.3, 9);
+      }
+      g.globalAlpha = 1;
+      g.fillStyle = colour.soft;
+      g.textAlign = "right";
+      g.fillText("epochs 1", barX - 4, TOP - 1);
+      g.textAlign = "left";
+      g.fillText(String(most), barX + barW + 4, TOP - 1);
       if (cursor !== null && error[cursor] === error[cursor] && level[cursor] === level[cursor]) {
         g.strokeStyle = colour.ink;
         g.lineWidth = 1.5;
         g.beginPath(); g.arc(X(error[cursor]), Y(level[cursor]), 4, 0, 7); g.stroke();
       }
     };
+    const shade = (n) => (most > 1 ? 0.22 + 0.78 * Math.log(n) / Math.log(most) : 0.8);
     p.read = () => {};
     p.still = true;
     panels.push(p);
@@ -532,6 +799,7 @@
     lines: [
       { name: "alert limit", values: col.hal, css: "limit", dash: [6, 4], limit: true, width: 1 },
       { name: "HPL", values: col.hpl, css: "level", width: 1.5 },
+      { name: "uncertainty at alert", values: col.uh, css: "second", width: 1.5 },
       { name: "error", values: col.he, css: "error", width: 1 },
     ],
   });
@@ -540,11 +808,16 @@
     lines: [
       { name: "alert limit", values: col.val, css: "limit", dash: [6, 4], limit: true, width: 1 },
       { name: "VPL", values: col.vpl, css: "level", width: 1.5 },
+      { name: "uncertainty at alert", values: col.uv, css: "second", width: 1.5 },
       { name: "error", values: col.ve, css: "error", width: 1 },
     ],
   });
+  if (bank) {
+    ratioPanel(main, "Bank: statistic over threshold, horizontal", 0);
+    ratioPanel(main, "Bank: statistic over threshold, vertical", 1);
+  }
   linePanel(main, {
-    name: "Test statistic", unit: "1", log: true, height: 160,
+    name: "Test statistic of the snapshot", unit: "1", log: true, height: 160,
     lines: [
       { name: "threshold", values: col.thr, css: "limit", dash: [6, 4], width: 1, steps: true },
       { name: "statistic", values: col.stat, css: "error", width: 1 },
@@ -555,6 +828,7 @@
     lines: [
       { name: "received", values: col.nvis, css: "soft", width: 1, steps: true },
       { name: "used", values: col.nsat, css: "level", width: 1.5, steps: true },
+      { name: "in the bank", values: col.nbank, css: "second", width: 1, steps: true },
     ],
   });
   if (D.sats.length) {
@@ -579,8 +853,8 @@
     const pair = document.createElement("div");
     pair.className = "pair";
     main.append(pair);
-    stanford(pair, "Horizontal level against error", col.he, col.hpl, col.hal);
-    stanford(pair, "Vertical level against error", col.ve, col.vpl, col.val);
+    stanford(pair, "Horizontal: level against error", D.stanford[0], col.he, col.hpl);
+    stanford(pair, "Vertical: level against error", D.stanford[1], col.ve, col.vpl);
   }
 
   // ---- moving about -------------------------------------------------------------------------
@@ -642,11 +916,15 @@
       const x = event.clientX - p.canvas.getBoundingClientRect().left;
       return Math.min(view[1], Math.max(view[0], tOf(p, x)));
     };
+    const point = (event, t) => {
+      if (p.point) p.point(nearest(t), event.clientY - p.canvas.getBoundingClientRect().top);
+    };
     p.canvas.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       const t = at(event);
       drag = { from: t, to: t, x: event.clientX, live: false };
       p.canvas.setPointerCapture(event.pointerId);
+      point(event, t);
       setCursor(nearest(t));
     });
     p.canvas.addEventListener("pointermove", (event) => {
@@ -656,6 +934,7 @@
         if (Math.abs(event.clientX - drag.x) > 5) drag.live = true;
         if (drag.live) redraw();
       }
+      point(event, t);
       setCursor(nearest(t));
     });
     p.canvas.addEventListener("pointerup", () => {
@@ -667,7 +946,7 @@
       drag = null;
     });
     p.canvas.addEventListener("pointercancel", () => { drag = null; redraw(); });
-    p.canvas.addEventListener("pointerleave", (event) => { if (!drag && event.pointerType === "mouse") setCursor(null); });
+    p.canvas.addEventListener("pointerleave", (event) => { if (!drag && event.pointerType === "mouse") { if (p.point) p.point(null, 0); setCursor(null); } });
     p.canvas.addEventListener("dblclick", () => setView(whole[0], whole[1]));
   }
   resetButton.addEventListener("click", () => setView(whole[0], whole[1]));

@@ -1,6 +1,10 @@
 //! Reading what `surefix replay` wrote: `epochs.csv` and, when truth was given, `errors.csv`.
+//!
+//! Row by row: with the columns of a bank the file of a day is much larger than what is kept of it.
 
 use std::collections::HashMap;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read as _};
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -42,6 +46,22 @@ pub struct Row {
     pub threshold: Option<f64>,
     /// Position error east, north, up, m.
     pub error_enu_m: Option<[f64; 3]>,
+    /// Satellites in the bank of filters, where it ran.
+    pub n_bank: Option<f64>,
+    /// How far off the position may be while a fault is present, horizontal and vertical, m.
+    pub uncertainty_m: [Option<f64>; 2],
+    /// Tests of the bank.
+    pub tests: Vec<Test>,
+}
+
+/// The test of one filter of the bank.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Test {
+    /// Which satellite the filter leaves out, in [`Table::tested`].
+    pub satellite: u16,
+    /// Statistic over threshold, horizontal and vertical: NaN where there is nothing to test, infinite
+    /// where one of the two is not finite, which fails the test.
+    pub ratio: [f32; 2],
 }
 
 /// Everything the report shows, by epoch.
@@ -53,59 +73,126 @@ pub struct Table {
     pub has_errors: bool,
     /// `epochs.csv` names the satellites used.
     pub has_used: bool,
+    /// Names that have columns of the bank, in the order of the columns.
+    pub tested: Vec<String>,
 }
 
-/// A CSV file without quoting, as surefix writes it.
-struct Csv<'a> {
-    columns: HashMap<&'a str, usize>,
-    lines: Vec<(usize, Vec<&'a str>)>,
+/// The first line of a CSV file without quoting, as surefix writes it.
+struct Csv {
+    columns: HashMap<String, usize>,
+    /// As they stand.
+    names: Vec<String>,
 }
 
-impl<'a> Csv<'a> {
-    fn parse(text: &'a str) -> Result<Self> {
-        let mut lines = text.lines();
-        let header = lines.next().ok_or_else(|| anyhow!("the file is empty"))?;
-        let columns: HashMap<_, _> = header
-            .split(',')
-            .enumerate()
-            .map(|(k, name)| (name.trim(), k))
-            .collect();
-        let lines: Vec<_> = lines
-            .enumerate()
-            .filter(|(_, line)| !line.trim().is_empty())
-            .map(|(k, line)| (k + 2, line.split(',').map(str::trim).collect::<Vec<_>>()))
-            .collect();
-        if let Some((number, fields)) = lines.iter().find(|(_, f)| f.len() != columns.len()) {
-            bail!(
-                "line {number} has {} fields, the header {}",
-                fields.len(),
-                columns.len()
-            );
+/// One of the other lines.
+struct Line<'a> {
+    csv: &'a Csv,
+    number: usize,
+    fields: Vec<&'a str>,
+}
+
+impl Csv {
+    /// Reads the first line, which must hold the columns of these names, and gives every other to `take`.
+    fn read(
+        mut from: impl BufRead,
+        required: &[&str],
+        take: &mut dyn FnMut(&Line<'_>) -> Result<()>,
+    ) -> Result<Self> {
+        let mut text = String::new();
+        if from.read_line(&mut text)? == 0 {
+            bail!("the file is empty");
         }
-        Ok(Self { columns, lines })
+        let names: Vec<String> = text.split(',').map(|name| name.trim().to_owned()).collect();
+        let columns = names.iter().cloned().zip(0..).collect();
+        let csv = Self { columns, names };
+        if let Some(name) = required
+            .iter()
+            .find(|name| !csv.columns.contains_key(**name))
+        {
+            bail!("there is no column `{name}`");
+        }
+        for number in 2.. {
+            text.clear();
+            if from.read_line(&mut text)? == 0 {
+                break;
+            }
+            if text.trim().is_empty() {
+                continue;
+            }
+            let fields: Vec<&str> = text.split(',').map(str::trim).collect();
+            if fields.len() != csv.names.len() {
+                bail!(
+                    "line {number} has {} fields, the header {}",
+                    fields.len(),
+                    csv.names.len()
+                );
+            }
+            take(&Line {
+                csv: &csv,
+                number,
+                fields,
+            })?;
+        }
+        Ok(csv)
+    }
+}
+
+impl Line<'_> {
+    fn text(&self, name: &str) -> &str {
+        self.csv.columns.get(name).map_or("", |k| self.fields[*k])
     }
 
-    fn require(&self, names: &[&str]) -> Result<()> {
-        match names.iter().find(|name| !self.columns.contains_key(*name)) {
-            Some(name) => bail!("there is no column `{name}`"),
-            None => Ok(()),
+    fn number(&self, name: &str) -> Result<Option<f64>> {
+        match self.csv.columns.get(name) {
+            Some(place) => Ok(self.number_at(*place)?.filter(|value| value.is_finite())),
+            None => Ok(None),
         }
     }
 
-    fn text(&self, fields: &[&'a str], name: &str) -> &'a str {
-        self.columns.get(name).map_or("", |k| fields[*k])
-    }
-
-    fn number(&self, line: usize, fields: &[&'a str], name: &str) -> Result<Option<f64>> {
-        let text = self.text(fields, name);
+    fn number_at(&self, place: usize) -> Result<Option<f64>> {
+        let text = self.fields[place];
         if text.is_empty() {
             return Ok(None);
         }
-        let value: f64 = text
-            .parse()
-            .map_err(|_| anyhow!("line {line}, column {name}: `{text}` is no number"))?;
-        Ok(value.is_finite().then_some(value))
+        let value = text.parse().map_err(|_| {
+            let (line, name) = (self.number, &self.csv.names[place]);
+            anyhow!("line {line}, column {name}: `{text}` is no number")
+        })?;
+        Ok(Some(value))
     }
+
+    /// The tests of the bank, whose columns stand in fours.
+    fn tests(&self, places: &[[usize; 4]]) -> Result<Vec<Test>> {
+        let mut tests = Vec::new();
+        for (satellite, places) in (0..).zip(places) {
+            if places.iter().all(|place| self.fields[*place].is_empty()) {
+                continue;
+            }
+            let [d_h, t_h, d_v, t_v] = *places;
+            let mut ratio = [f32::NAN; 2];
+            for (ratio, (d, t)) in ratio.iter_mut().zip([(d_h, t_h), (d_v, t_v)]) {
+                if let (Some(d), Some(t)) = (self.number_at(d)?, self.number_at(t)?) {
+                    let is_finite = d.is_finite() && t.is_finite();
+                    *ratio = if is_finite {
+                        (d / t) as f32
+                    } else {
+                        f32::INFINITY
+                    };
+                }
+            }
+            tests.push(Test { satellite, ratio });
+        }
+        Ok(tests)
+    }
+}
+
+/// Names of the satellites that have columns of the bank.
+fn tested(first_line: &str) -> Vec<String> {
+    let columns = first_line.split(',').map(str::trim);
+    columns
+        .filter_map(|column| column.strip_prefix("d_h_"))
+        .map(str::to_owned)
+        .collect()
 }
 
 /// Satellites joined by `+`, or `-` for none.
@@ -121,49 +208,73 @@ fn time_key(t_s: f64) -> i64 {
     (t_s * 1e6).round() as i64
 }
 
-fn parse_epochs(text: &str) -> Result<(Vec<Row>, bool)> {
-    let csv = Csv::parse(text)?;
-    csv.require(&["t_s", "integrity", "reason", "hpl_m", "vpl_m", "excluded"])?;
-    let mut rows = Vec::with_capacity(csv.lines.len());
-    for (line, fields) in &csv.lines {
-        let number = |name: &str| csv.number(*line, fields, name);
+fn parse_epochs(mut from: impl BufRead) -> Result<Table> {
+    // The line of names is needed before the rows.
+    let mut first_line = String::new();
+    from.read_line(&mut first_line)?;
+    let tested = tested(&first_line);
+    let mut places = Vec::new();
+    for name in &tested {
+        let mut of_name = [0; 4];
+        for (place, column) in of_name.iter_mut().zip(["d_h_", "t_h_", "d_v_", "t_v_"]) {
+            let wanted = format!("{column}{name}");
+            *place = first_line
+                .split(',')
+                .position(|column| column.trim() == wanted)
+                .ok_or_else(|| anyhow!("there is no column `{wanted}`"))?;
+        }
+        places.push(of_name);
+    }
+    let mut rows: Vec<Row> = Vec::new();
+    let required = ["t_s", "integrity", "reason", "hpl_m", "vpl_m", "excluded"];
+    let csv = Csv::read(first_line.as_bytes().chain(from), &required, &mut |line| {
+        let number = |name: &str| line.number(name);
+        let t_s = number("t_s")?.ok_or_else(|| anyhow!("line {}: no t_s", line.number))?;
+        if rows.last().is_some_and(|before| t_s <= before.t_s) {
+            bail!("line {}: t_s does not grow from row to row", line.number);
+        }
         rows.push(Row {
-            t_s: number("t_s")?.ok_or_else(|| anyhow!("line {line}: no t_s"))?,
+            t_s,
             week: number("week")?,
             tow_s: number("tow_s")?,
             has_position: number("x_m")?.is_some(),
             n_sats: number("n_sats")?,
             n_visible: number("n_visible")?,
-            integrity: csv.text(fields, "integrity").to_owned(),
-            reason: csv.text(fields, "reason").to_owned(),
+            integrity: line.text("integrity").to_owned(),
+            reason: line.text("reason").to_owned(),
             hpl_m: number("hpl_m")?,
             vpl_m: number("vpl_m")?,
             hal_m: number("hal_m")?,
             val_m: number("val_m")?,
-            excluded: satellites(csv.text(fields, "excluded")),
-            used: satellites(csv.text(fields, "used")),
+            excluded: satellites(line.text("excluded")),
+            used: satellites(line.text("used")),
             stat: number("stat")?,
             threshold: number("threshold")?,
             error_enu_m: None,
+            n_bank: number("n_bank")?,
+            uncertainty_m: [number("uncertainty_h_m")?, number("uncertainty_v_m")?],
+            tests: line.tests(&places)?,
         });
-    }
-    if rows.windows(2).any(|pair| pair[1].t_s <= pair[0].t_s) {
-        bail!("t_s does not grow from row to row");
-    }
-    Ok((rows, csv.columns.contains_key("used")))
+        Ok(())
+    })?;
+    Ok(Table {
+        rows,
+        has_errors: false,
+        has_used: csv.columns.contains_key("used"),
+        tested,
+    })
 }
 
-fn add_errors(rows: &mut [Row], text: &str) -> Result<()> {
-    let csv = Csv::parse(text)?;
-    csv.require(&["t_s", "e_m", "n_m", "u_m"])?;
+fn add_errors(rows: &mut [Row], from: impl BufRead) -> Result<()> {
     let mut by_time = HashMap::new();
-    for (line, fields) in &csv.lines {
-        let number = |name: &str| csv.number(*line, fields, name);
+    Csv::read(from, &["t_s", "e_m", "n_m", "u_m"], &mut |line| {
+        let number = |name: &str| line.number(name);
         let values = [number("e_m")?, number("n_m")?, number("u_m")?];
         if let (Some(t_s), [Some(e), Some(n), Some(u)]) = (number("t_s")?, values) {
             by_time.insert(time_key(t_s), [e, n, u]);
         }
-    }
+        Ok(())
+    })?;
     for row in rows {
         row.error_enu_m = by_time.get(&time_key(row.t_s)).copied();
     }
@@ -177,27 +288,24 @@ impl Table {
     /// When there is no `epochs.csv`, or one of the two is not of the form surefix writes.
     pub fn read(directory: &Path) -> Result<Self> {
         let path = directory.join("epochs.csv");
-        let text = std::fs::read_to_string(&path).with_context(|| {
+        let file = File::open(&path).with_context(|| {
             format!(
                 "cannot read {}: run `surefix replay … --out {}` first",
                 path.display(),
                 directory.display()
             )
         })?;
-        let (mut rows, has_used) =
-            parse_epochs(&text).with_context(|| format!("{}", path.display()))?;
+        let mut table =
+            parse_epochs(BufReader::new(file)).with_context(|| format!("{}", path.display()))?;
         let path = directory.join("errors.csv");
-        let has_errors = path.exists();
-        if has_errors {
-            let text = std::fs::read_to_string(&path)
-                .with_context(|| format!("cannot read {}", path.display()))?;
-            add_errors(&mut rows, &text).with_context(|| format!("{}", path.display()))?;
+        table.has_errors = path.exists();
+        if table.has_errors {
+            let file =
+                File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
+            add_errors(&mut table.rows, BufReader::new(file))
+                .with_context(|| format!("{}", path.display()))?;
         }
-        Ok(Self {
-            rows,
-            has_errors,
-            has_used,
-        })
+        Ok(table)
     }
 }
 
@@ -223,31 +331,50 @@ mod tests {
     fn a_row_without_values_is_still_an_epoch() {
         let text =
             format!("{HEADER}\n0,unavailable,too_few_satellites,,,-\n1,nominal,none,5,9,G05+C03\n");
-        let (rows, has_used) = parse_epochs(&text).unwrap();
-        assert_eq!(rows.len(), 2);
-        assert_eq!(rows[0].hpl_m, None);
-        assert_eq!(rows[1].excluded, ["G05", "C03"]);
-        assert!(!has_used);
+        let table = parse_epochs(text.as_bytes()).unwrap();
+        assert_eq!(table.rows.len(), 2);
+        assert_eq!(table.rows[0].hpl_m, None);
+        assert_eq!(table.rows[1].excluded, ["G05", "C03"]);
+        assert!(!table.has_used);
     }
 
     #[test]
     fn errors_go_to_the_epoch_of_their_time() {
         let text = format!("{HEADER}\n0,nominal,none,5,9,-\n0.1,nominal,none,5,9,-\n");
-        let (mut rows, _) = parse_epochs(&text).unwrap();
-        add_errors(&mut rows, "t_s,e_m,n_m,u_m\n0.1,3,4,-2\n").unwrap();
+        let mut rows = parse_epochs(text.as_bytes()).unwrap().rows;
+        add_errors(&mut rows, &b"t_s,e_m,n_m,u_m\n0.1,3,4,-2\n"[..]).unwrap();
         assert_eq!(rows[0].error_enu_m, None);
         assert_eq!(rows[1].horizontal_error_m(), Some(5.0));
         assert_eq!(rows[1].vertical_error_m(), Some(2.0));
     }
 
     #[test]
+    fn a_test_is_a_ratio_or_failed_or_nothing() {
+        let bank = "n_bank,d_h_G05,t_h_G05,d_v_G05,t_v_G05,d_h_GPS,t_h_GPS,d_v_GPS,t_v_GPS";
+        let text = format!(
+            "{HEADER},{bank}\n0,nominal,none,5,9,-,1,1.5,3,,,nan,2,,\n1,nominal,none,5,9,-,,,,,,,,,\n"
+        );
+        let table = parse_epochs(text.as_bytes()).unwrap();
+        assert_eq!(table.tested, ["G05", "GPS"]);
+        let [first, second] = &table.rows[0].tests[..] else {
+            panic!("{:?}", table.rows[0].tests);
+        };
+        assert_eq!((first.satellite, second.satellite), (0, 1));
+        assert!(first.ratio[0] == 0.5 && first.ratio[1].is_nan());
+        assert!(second.ratio[0] == f32::INFINITY && second.ratio[1].is_nan());
+        assert!(table.rows[1].tests.is_empty());
+        assert_eq!(table.rows[1].n_bank, None);
+    }
+
+    #[test]
     fn a_damaged_file_is_refused_with_its_place() {
         let text = format!("{HEADER}\n0,nominal,none,five,9,-\n");
-        let message = parse_epochs(&text).unwrap_err().to_string();
+        let message = parse_epochs(text.as_bytes()).unwrap_err().to_string();
         assert!(
             message.contains("line 2") && message.contains("hpl_m"),
             "{message}"
         );
-        assert!(parse_epochs("t_s,integrity\n0,nominal\n").is_err());
+        assert!(parse_epochs(&b"t_s,integrity\n0,nominal\n"[..]).is_err());
+        assert!(parse_epochs(&b""[..]).is_err());
     }
 }

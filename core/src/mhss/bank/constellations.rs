@@ -72,4 +72,11 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     }
 }
 
+impl<const K: usize, const M: usize> SubFilters<K, M> {
+    /// The filter without a constellation, whether it runs or not.
+    pub fn constellation(&self, system: System) -> Option<&Filter<K, M>> {
+        self.constellations.get(system.index())
+    }
+}
+
 const _: () = assert!(System::ALL.len() == MAX_CLOCKS);

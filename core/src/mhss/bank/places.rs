@@ -1,9 +1,12 @@
 //! Who has a place in the bank: what a recording needs beyond births and deaths.
 
+use nalgebra::Matrix3;
+
 use super::{Bank, MAX_BANK, Secondaries, SubFilters};
 use crate::ekf::{Filter, MeasurementRow};
 use crate::gnss::{Satellite, SatelliteSet, System};
 use crate::mhss::protection::{FaultPriors, Hypothesis};
+use crate::mhss::separation::position_variances_and_traces;
 use crate::time::GpsTime;
 
 impl<const K: usize, const M: usize> Bank<K, M> {
@@ -12,17 +15,17 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.place_of(satellite).is_some()
     }
 
-    /// The satellite that has been missing longest, if one is held.
-    pub fn missing_longest(&self) -> Option<Satellite> {
-        let mut longest: Option<(GpsTime, Satellite)> = None;
+    /// The satellite that has been missing longest, and since when, if one is held.
+    pub fn missing_longest(&self) -> Option<(Satellite, GpsTime)> {
+        let mut longest: Option<(Satellite, GpsTime)> = None;
         for member in &self.members {
             if let Some(since) = member.missing_since
-                && longest.is_none_or(|(earliest, _)| since.ns() < earliest.ns())
+                && longest.is_none_or(|(_, earliest)| since.ns() < earliest.ns())
             {
-                longest = Some((since, member.satellite));
+                longest = Some((member.satellite, since));
             }
         }
-        longest.map(|(_, satellite)| satellite)
+        longest
     }
 
     /// Takes a satellite's place away without calling it faulty: F00 ← F0n, so that no filter holds anything
@@ -174,6 +177,32 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         let gps_is_alone = self.constellations.get(gps).is_none_or(Option::is_none);
         let of_gps = priors.constellation.get(gps).copied().unwrap_or(0.0);
         priors.pairs(self.members.len()) + if gps_is_alone { of_gps } else { 0.0 }
+    }
+
+    /// Notes how uncertain every filter that is tested is before the update. After [`Bank::admit`].
+    #[inline(never)]
+    pub fn note_predictions(
+        &mut self,
+        main: &Filter<K, M>,
+        sub: &SubFilters<K, M>,
+        c_enu_e: &Matrix3<f64>,
+    ) {
+        let of = |filter: &Filter<K, M>| position_variances_and_traces(filter, c_enu_e).1;
+        self.predicted.main = of(main);
+        for member in &self.members {
+            let place = self.predicted.sub.get_mut(member.place);
+            if let (Some(place), Some(filter)) = (place, sub.filters.get(member.place)) {
+                *place = of(filter);
+            }
+        }
+        let places = self.predicted.constellations.iter_mut();
+        for (place, (filter, runs)) in
+            places.zip(sub.constellations.iter().zip(&self.constellations))
+        {
+            if runs.is_some() {
+                *place = of(filter);
+            }
+        }
     }
 
     /// Places whose filters began at this epoch.
