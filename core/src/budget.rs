@@ -154,9 +154,14 @@ impl Ledger {
             .zip(&STAGES)
             .all(|(work, stage)| *work <= stage.budget);
         if !kept {
-            self.deadline_misses = self.deadline_misses.saturating_add(1);
+            self.miss();
         }
         kept
+    }
+
+    /// Counts an epoch whose answer came too late.
+    pub(crate) fn miss(&mut self) {
+        self.deadline_misses = self.deadline_misses.saturating_add(1);
     }
 
     /// Work of the last epoch, per stage in the order of [`STAGES`].

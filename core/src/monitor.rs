@@ -413,6 +413,21 @@ impl Monitor {
         }
     }
 
+    /// The interval between epochs of the receiver, ns, as far as it is known: an answer to one is of use
+    /// until the next.
+    pub fn epoch_interval_ns(&self) -> Option<i64> {
+        self.rhythm.interval_ns()
+    }
+
+    /// Takes back a report that whoever runs the monitor cannot send in time, for a cause that core does
+    /// not see: its bytes had to wait. Levels are gone, the miss is counted; an alert stays one.
+    pub fn miss_deadline(&mut self, report: &mut EpochReport) {
+        if report.verdict.hpl != ProtectionLevel::Unavailable(NoBound::DeadlineMissed) {
+            self.ledger.miss();
+        }
+        withdraw(&mut report.verdict);
+    }
+
     /// What the stages of the epochs cost.
     pub const fn ledger(&self) -> &Ledger {
         &self.ledger

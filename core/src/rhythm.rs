@@ -60,7 +60,7 @@ impl Rhythm {
 
     /// The interval between epochs, ns: of the last three the middle one, so that neither a gap nor an
     /// epoch out of turn is a rhythm; of fewer the longest.
-    fn interval_ns(&self) -> Option<i64> {
+    pub(crate) fn interval_ns(&self) -> Option<i64> {
         let [a, b, c] = self.elapsed_ns;
         let middle = a.min(b).max(a.max(b).min(c));
         let known = if a > 0 { middle } else { b.max(c) };

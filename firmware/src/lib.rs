@@ -3,14 +3,16 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`ring`] | receiver interrupt to worker, lock-free |
+//! | [`arrivals`] | when the bytes of the ring came |
 //! | `board` | registers, memory, clocks and UARTs of the board chosen by feature |
 //! | `worker` | ring to monitor to output |
 //! | `fault` | panic and fault handlers: the output becomes invalid, then the chip resets |
 //!
-//! The application is `bin/monitor.rs`. On a PC only [`ring`] exists, so that the whole workspace
-//! checks there.
+//! The application is `bin/monitor.rs`. On a PC only the first two exist, so that the whole
+//! workspace checks there.
 #![cfg_attr(target_os = "none", no_std)]
 
+pub mod arrivals;
 #[cfg(target_os = "none")]
 pub mod board;
 #[cfg(target_os = "none")]

@@ -61,6 +61,18 @@ impl<const N: usize> Ring<N> {
         count
     }
 
+    /// Bytes ever written, modulo 2³²: the place of the next one in the stream.
+    #[inline]
+    pub fn written(&self) -> u32 {
+        self.written.load(Ordering::Acquire)
+    }
+
+    /// Bytes to take.
+    pub fn waiting(&self) -> u32 {
+        let read = self.read.load(Ordering::Relaxed);
+        self.written.load(Ordering::Acquire).wrapping_sub(read)
+    }
+
     /// Whether there is nothing to take.
     pub fn is_empty(&self) -> bool {
         self.written.load(Ordering::Acquire) == self.read.load(Ordering::Acquire)

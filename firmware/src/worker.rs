@@ -1,18 +1,22 @@
 //! From the ring through the monitor to the output: what the `work` task does.
 
-use crate::board::memory::Memory;
+use crate::board::memory::{ARRIVED, Memory};
 use crate::board::{self, stack};
 use crate::ring::Ring;
 use surefix_core::bank_report::BankReport;
 use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
 use surefix_core::monitor::{Monitor, Ready};
+use surefix_core::report::REPORT_FRAME_LENGTH;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::native::MAX_FRAME;
 use surefix_core::{ingest, report};
 
 /// Bytes taken from the ring at a time.
 const CHUNK: usize = 256;
+
+/// Taken for the interval between two epochs until the receiver has shown its own, ns.
+const SHORTEST_INTERVAL_NS: i64 = 100_000_000;
 
 /// The monitor with its input and output. Its memory is handed in or static.
 pub struct Worker {
@@ -27,6 +31,32 @@ pub struct Worker {
     frame: [u8; MAX_FRAME],
     state: Option<(Integrity, Reason)>,
     lost_logged: u32,
+    /// Bytes taken by the monitor, modulo 2³².
+    taken: u32,
+    /// Interval between two epochs, ns.
+    interval_ns: Option<i64>,
+    #[cfg(feature = "real-time")]
+    observed: Observed,
+}
+
+/// What is told at the end of a run in real time.
+#[cfg(feature = "real-time")]
+#[derive(Default)]
+struct Observed {
+    /// Ticks spent in [`Worker::run`].
+    busy: u64,
+    /// Most bytes that waited in the ring.
+    most_waiting: u32,
+}
+
+/// Whether the stream has ended and all was told.
+#[cfg(feature = "real-time")]
+static ENDED: core::sync::atomic::AtomicBool = core::sync::atomic::AtomicBool::new(false);
+
+/// Whether the stream has ended and all but the log has been sent.
+#[cfg(feature = "real-time")]
+pub fn has_ended() -> bool {
+    ENDED.load(core::sync::atomic::Ordering::Relaxed)
 }
 
 impl Worker {
@@ -60,13 +90,32 @@ impl Worker {
             frame: [0; MAX_FRAME],
             state: None,
             lost_logged: 0,
+            taken: 0,
+            interval_ns: None,
+            #[cfg(feature = "real-time")]
+            observed: Observed::default(),
         }
     }
 
     /// Works until the ring is empty.
     pub fn run(&mut self) {
+        #[cfg(feature = "real-time")]
+        let begin = board::ticks();
+        self.work();
+        #[cfg(feature = "real-time")]
+        {
+            self.observed.busy += u64::from(board::ticks().wrapping_sub(begin));
+        }
+    }
+
+    fn work(&mut self) {
         let mut chunk = [0; CHUNK];
         loop {
+            #[cfg(feature = "real-time")]
+            {
+                let waiting = self.received.waiting();
+                self.observed.most_waiting = self.observed.most_waiting.max(waiting);
+            }
             let count = self.received.pop(&mut chunk);
             if count == 0 {
                 return;
@@ -85,6 +134,7 @@ impl Worker {
         loop {
             let (used, ready) = self.monitor.push(bytes);
             bytes = bytes.get(used..).unwrap_or_default();
+            self.taken = self.taken.wrapping_add(used as u32);
             match ready {
                 Some(Ready::Epoch) => self.epoch(),
                 Some(Ready::EndOfStream) => self.end(),
@@ -95,21 +145,50 @@ impl Worker {
         }
     }
 
+    /// Whether a report on an epoch whose bytes came then, sent from now on, would be there only when the
+    /// next epoch is. Never where no time is kept.
+    fn is_overdue(&mut self, came: u32) -> bool {
+        let Some(rate) = board::ticks_per_second() else {
+            return false;
+        };
+        let (rate, bits) = (i64::from(rate), 10 * REPORT_FRAME_LENGTH as i64);
+        // The shortest that was ever known: epochs that were lost are no slower receiver.
+        let known_ns = self.monitor.epoch_interval_ns();
+        self.interval_ns = match (self.interval_ns, known_ns) {
+            (Some(before), Some(now)) => Some(before.min(now)),
+            (before, now) => before.or(now),
+        };
+        let interval_ns = self.interval_ns.unwrap_or(SHORTEST_INTERVAL_NS);
+        let interval = rate * interval_ns / 1_000_000_000;
+        let sending = rate * bits / i64::from(board::BAUD);
+        i64::from(board::ticks().wrapping_sub(came)) > interval - sending
+    }
+
     #[inline(never)]
     fn epoch(&mut self) {
+        // The last byte that the monitor took completed the epoch.
+        let came = ARRIVED.time_of(self.taken.wrapping_sub(1));
+        #[cfg(feature = "real-time")]
+        let begin = board::ticks();
         let memory = BankMemory {
             fast: self.fast,
             secondaries: self.secondaries,
         };
-        let report = self.monitor.process_with(&mut self.cycles, Some(memory));
+        let mut report = self.monitor.process_with(&mut self.cycles, Some(memory));
         if self.monitor.bank_report(self.bank)
             && let Ok(length) = self.bank.encode(&mut self.frame)
         {
             self.send(length);
         }
+        if self.is_overdue(came) {
+            self.monitor.miss_deadline(&mut report);
+        }
         if let Ok(length) = report::encode(&report, &mut self.frame) {
             self.send(length);
         }
+        #[cfg(feature = "real-time")]
+        self.acknowledge
+            .tell(b'E', &[self.taken, came, begin, board::ticks()]);
         let state = (report.verdict.integrity, report.verdict.reason);
         if self.state != Some(state) {
             self.state = Some(state);
@@ -139,6 +218,25 @@ impl Worker {
             self.monitor.ledger().worst(),
             stack::peak_bytes()
         );
+        #[cfg(feature = "real-time")]
+        self.tell_all();
+    }
+
+    /// What a run in real time was like, and that it is over.
+    #[cfg(feature = "real-time")]
+    fn tell_all(&mut self) {
+        let ledger = self.monitor.ledger();
+        self.acknowledge.tell(b'W', &ledger.worst());
+        let Observed { busy, most_waiting } = self.observed;
+        let numbers = [
+            ledger.deadline_misses(),
+            stack::peak_bytes() as u32,
+            most_waiting,
+            busy as u32,
+            (busy >> 32) as u32,
+        ];
+        self.acknowledge.tell(b'T', &numbers);
+        ENDED.store(true, core::sync::atomic::Ordering::Relaxed);
     }
 
     fn send(&mut self, length: usize) {

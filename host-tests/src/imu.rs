@@ -11,6 +11,7 @@ mod interleave;
 mod samples;
 mod settings;
 
+pub(crate) use interleave::frames;
 pub use interleave::{Pending, interleave};
 pub use samples::{Recorded, read};
 pub use settings::ImuSettings;

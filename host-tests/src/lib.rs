@@ -8,6 +8,7 @@ pub mod hybrid;
 pub mod imu;
 pub mod output;
 pub mod qemu;
+pub mod real_time;
 pub mod reference;
 pub mod replay;
 pub mod report;

@@ -14,7 +14,7 @@ use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, Tru
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::static_imu::{self, triple};
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{araim, campaign, hybrid, output, report, scenario, simulate};
+use surefix_host_tests::{araim, campaign, hybrid, output, real_time, report, scenario, simulate};
 
 #[derive(Parser)]
 #[command(
@@ -41,6 +41,7 @@ enum Command {
     StaticImu(static_imu::Args),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
+    RealTime(real_time::Args),
     /// One self-contained HTML page of a replay
     Report(report::Args),
 }
@@ -290,6 +291,10 @@ fn main() -> ExitCode {
         }),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Hybrid(arguments) => hybrid::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::RealTime(arguments) => arguments.run().map(|holds| match holds {
+            true => ExitCode::SUCCESS,
+            false => ExitCode::from(1),
+        }),
         Command::StaticImu(arguments) => static_imu::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),

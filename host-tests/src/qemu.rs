@@ -12,6 +12,7 @@
 pub mod image;
 mod log;
 mod machine;
+pub mod paced;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

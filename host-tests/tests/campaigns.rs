@@ -2,8 +2,12 @@
 //!
 //! Seeds are fixed: a test gives the same counts on every machine.
 
+use surefix_host_tests::campaign::false_alerts::{self, FalseAlerts, SATELLITES};
+use surefix_host_tests::campaign::monte_carlo::{self, MonteCarlo};
 use surefix_host_tests::campaign::outcome::{self, Campaign, Outcome, merge};
 use surefix_host_tests::campaign::seed_ramp::{FaultRecord, SeedRamp};
+use surefix_host_tests::campaign::seed_sweep::{self, SeedSweep};
+use surefix_host_tests::faults::FaultKind;
 
 fn run<C: Campaign>(trials: u64) -> Outcome<C::Record> {
     let outcome = outcome::run::<C>(1, trials, (0, 1)).unwrap();
@@ -31,6 +35,49 @@ fn the_ramp_of_the_seed_is_found_and_its_satellite_excluded() {
             "{record:?}"
         );
         assert!(record.isolation_s.is_some_and(|s| s <= 40), "{record:?}");
+    }
+}
+
+/// All kinds and sizes of faults on the same satellite.
+/// INT-040.
+#[test]
+fn faults_of_every_kind_and_size_leave_no_usable_epoch_above_the_level() {
+    let outcome = run::<SeedSweep>(2);
+    for record in outcome.of() {
+        let fault = &record.fault;
+        assert!(!fault.wrong && !fault.false_alert, "{record:?}");
+        assert_eq!(fault.above_level, 0, "{record:?}");
+    }
+    for (kind, magnitude) in [(FaultKind::Step, 20.0), (FaultKind::Ramp, 0.5)] {
+        for fault in seed_sweep::of(&outcome, kind, magnitude, false) {
+            assert!(fault.right, "{kind:?} {magnitude}: {fault:?}");
+        }
+    }
+}
+
+/// Of [P0]'s 8,000 points the first 2,400.
+/// INT-041.
+#[test]
+fn no_fault_is_missed_and_no_healthy_satellite_excluded_at_points_all_over_the_earth() {
+    let outcome = run::<MonteCarlo>(2400);
+    let totals = monte_carlo::totals(outcome.of());
+    assert_eq!(totals.points.iter().sum::<u64>(), 2400);
+    assert_eq!(totals.flights, 20);
+    let [_, timely, _, missed, false_alerts] = totals.points;
+    assert!(timely > 500);
+    assert_eq!((missed, false_alerts, totals.missed), (0, 0, [0; 2]));
+    assert_eq!((totals.excluded[1], totals.usable[1]), (0, 0));
+}
+
+/// White noise taken for white at 1e-2; too few runs for what is rarer.
+/// INT-042.
+#[test]
+fn false_alerts_are_as_frequent_as_allocated() {
+    let white = false_alerts::cases()[0];
+    let outcome = FalseAlerts::runs(1, 64, &[white]).unwrap();
+    println!("{}", FalseAlerts::report(&outcome));
+    for n in SATELLITES {
+        false_alerts::check(&outcome, n, &white, &[1e-2]).unwrap();
     }
 }
 

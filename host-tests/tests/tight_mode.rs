@@ -134,14 +134,10 @@ fn tight_mode_takes_over_after_one_window_and_is_no_worse_than_the_snapshot() {
             .iter()
             .all(|row| row.report.mode == Mode::Snapshot && is_usable(row))
     );
-    // The levels are those of the snapshot and the way from its position to the filter's.
-    for (row, other) in rows.iter().zip(&snapshot).filter(|(row, _)| is_tight(row)) {
-        let way_m = flight::way_m(row, other);
-        let (ours_m, snapshot_m) = (levels_m(row), levels_m(other));
-        for axis in [0, 1] {
-            let grown_m = ours_m[axis] - snapshot_m[axis];
-            assert!((grown_m - way_m[axis]).abs() < 1e-3, "{grown_m} {way_m:?}");
-        }
+    // The levels are the bank's; both opinions see the same.
+    for row in rows.iter().filter(|row| is_tight(row)) {
+        let ([h, v], [hpl_m, vpl_m]) = (row.error_m.unwrap(), levels_m(row));
+        assert!(h < 0.5 * hpl_m && v < 0.5 * vpl_m, "{}", row.ms);
     }
     let position_m =
         |rows: &[Row], axis: usize| rms(rows.iter().skip(5).map(|row| row.error_m.unwrap()[axis]));
@@ -626,7 +622,7 @@ fn constellations_come_and_go() {
 
 /// INT-016.
 #[test]
-fn with_few_satellites_or_none_the_filter_goes_on_and_says_that_nothing_tests_it() {
+fn with_few_satellites_or_none_the_bank_bounds_what_the_filter_says() {
     for count in [4, 3, 2, 1, 0] {
         let mut kept: Vec<Satellite> = Vec::new();
         let rows = flight_with(|input| {
@@ -646,22 +642,34 @@ fn with_few_satellites_or_none_the_filter_goes_on_and_says_that_nothing_tests_it
         });
         assert_tight_but(&rows, 0, 4);
         let mut worst_m: f64 = 0.0;
+        let mut last_m = 0.0;
         for row in &rows[60..120] {
+            // The snapshot has nothing to test with and abstains; what it says is no reason.
             let verdict = &row.report.verdict;
-            assert_eq!(verdict.integrity, Integrity::Unavailable);
-            let expected = if count < 4 {
-                Reason::TooFewSatellites
-            } else {
-                Reason::NoRedundancy
-            };
-            assert_eq!(verdict.reason, expected, "{count}");
+            assert_ne!(verdict.integrity, Integrity::Alert, "{count}");
+            assert!(
+                is_usable(row) || verdict.reason == Reason::HplAboveLimit,
+                "{count} {:?}",
+                verdict.reason
+            );
             let [h, v] = row.error_m.unwrap();
-            let [fault_free_h, fault_free_v] = row.report.navigation.unwrap().fault_free_m;
-            assert!(h < fault_free_h && v < fault_free_v, "{count}: {h} {v}");
+            let [hpl_m, vpl_m] = levels_m(row);
+            assert!(h < hpl_m && v < vpl_m, "{count}: {h} {v}");
+            if count == 0 {
+                assert!(hpl_m > last_m);
+                last_m = hpl_m;
+            }
             worst_m = worst_m.max(h);
         }
         println!("{count} satellites for a minute: {worst_m} m");
-        assert!(rows[..60].iter().chain(&rows[120..]).all(is_usable));
+        for row in rows[..60].iter().chain(&rows[120..]) {
+            assert!(
+                is_usable(row),
+                "{count} {} {:?}",
+                row.ms,
+                row.report.verdict
+            );
+        }
     }
 }
 
@@ -685,10 +693,8 @@ fn faulty(input: Input, span: (i64, i64), error_m: impl Fn(usize, Satellite) -> 
 /// INT-015.
 #[test]
 fn a_satellite_that_the_snapshot_excludes_does_not_enter_the_filter() {
-    let satellite = match &flight::flight()[0] {
-        Input::Epoch(epoch) => epoch.satellites[3].satellite,
-        other => panic!("{other:?}"),
-    };
+    // There are more satellites than the bank has places for.
+    let satellite = flight_with(Some)[10].report.used.iter().next().unwrap();
     let span = (60_000, 90_000);
     let rows = flight_with(|input| {
         Some(faulty(input, span, |_, of| {
@@ -698,14 +704,15 @@ fn a_satellite_that_the_snapshot_excludes_does_not_enter_the_filter() {
     assert_tight_but(&rows, 0, 4);
     for row in &rows {
         let excluded = is_within(row.ms, span);
-        if (row.report.verdict.integrity == Integrity::Excluded) != excluded { println!("DBG {} {:?} {:?}", row.ms, row.report.verdict, row.error_m); continue; }
         assert_eq!(
             row.report.verdict.integrity == Integrity::Excluded,
             excluded,
             "{}",
             row.ms
         );
-        assert_eq!(row.report.used.contains(satellite), !excluded);
+        if is_tight(row) {
+            assert_eq!(row.report.used.contains(satellite), !excluded);
+        }
         assert!(is_usable(row));
     }
     let without = flight_with(|input| Some(keeping(input, span, |of| of != satellite)));
@@ -716,7 +723,7 @@ fn a_satellite_that_the_snapshot_excludes_does_not_enter_the_filter() {
 
 /// INT-015.
 #[test]
-fn while_the_snapshot_alerts_the_filter_takes_no_satellite() {
+fn satellites_that_no_hypothesis_explains_enter_no_filter() {
     let span = (60_000, 70_000);
     let rows = flight_with(|input| {
         Some(faulty(input, span, |k, _| {
@@ -732,8 +739,8 @@ fn while_the_snapshot_alerts_the_filter_takes_no_satellite() {
             "{}",
             row.ms
         );
-        assert_eq!(row.report.used.is_empty(), alert);
-        // It coasts on what was right.
+        // What is grossly wrong is kept from all filters.
+        assert!(!is_tight(row) || row.report.used.len() < 24 || !alert);
         assert!(
             row.error_m.unwrap()[0] < 3.0,
             "{} {:?}",

@@ -70,9 +70,15 @@ pub fn run(workspace: &Workspace) -> Result {
     Ok(())
 }
 
+/// `cargo surefix real-time`, after set-up.
+pub fn real_time(workspace: &Workspace, arguments: &[&str]) -> Result {
+    setup::run(workspace)?;
+    surefix(workspace, &[&["real-time"], arguments].concat())
+}
+
 /// One `cargo surefix` command, shown first.
 fn surefix(workspace: &Workspace, arguments: &[&str]) -> Result {
-    println!("demo: cargo surefix {}", arguments.join(" "));
+    println!("xtask: cargo surefix {}", arguments.join(" "));
     checked(
         command(workspace, "cargo")
             .args(["run", "--quiet", "--locked"])

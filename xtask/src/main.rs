@@ -1,10 +1,10 @@
-//! Set-up and checks of the surefix workspace: `cargo xtask setup|test|demo|images|bench`.
+//! Set-up and checks of the surefix workspace: `cargo xtask setup|test|demo|images|real-time|bench`.
 //!
 //! | module | what it does |
 //! |---|---|
 //! | [`setup`] | brings a machine to the point where the rest runs: target, components, QEMU |
 //! | [`checks`], [`stages`] | every check and test, timed, with one summary |
-//! | [`demo`] | an approach with a fault through the emulated board |
+//! | [`demo`] | an approach with a fault through the emulated board; a flight in real time |
 //! | [`mod@bench`], [`operations`] | instructions and bytes per stage on the emulated board, and their bars |
 //! | [`rules`], [`documentation`] | rules of the workspace that no compiler checks |
 //! | [`images`], [`elf`], [`sizes`] | the firmware images and what is in them |
@@ -65,6 +65,9 @@ usage: cargo xtask COMMAND
   test                set-up if needed, then every check and test
   demo                set-up if needed, then a faulted approach through the emulated board
   images              build every firmware image; what it takes of each memory of its board
+  real-time [--minutes M] [--slow] ...
+                      set-up if needed, then a flight through the emulated board in its own time:
+                      deadlines, work, latencies; arguments as of `cargo surefix real-time`
   bench [--json FILE] [--check]
                       executed instructions and bytes per stage on the emulated board;
                       --check fails when a figure is above its bar
@@ -89,6 +92,7 @@ fn main() -> ExitCode {
         ["test"] => checks::run(&workspace),
         ["demo"] => demo::run(&workspace),
         ["images"] => images::run(&workspace),
+        ["real-time", rest @ ..] => demo::real_time(&workspace, rest),
         ["bench", rest @ ..] => match bench::Options::parse(rest) {
             Some(options) => bench::run(&workspace, &options),
             None => return usage(),

@@ -23,7 +23,7 @@ use super::layout::{
 use super::transition::{ClockTransition, NavigationCovariance, NavigationTransition, Transition};
 use crate::linalg::block3::{
     Block, Symmetric, ZERO, add_product, add_product_symmetric, add_product_transposed,
-    add_product_vector, add_symmetric_product, full, product, product_symmetric,
+    add_product_vector, add_symmetric_product, full, product, product_symmetric, together,
 };
 
 /// Error of the nominal trajectory; signs in `layout.rs`.
@@ -79,7 +79,7 @@ pub struct PredictWorkspace {
     position: [Block; BLOCKS],
     velocity: [Block; BLOCKS],
     attitude: [Block; 2],
-    common: [CommonColumns; 3],
+    columns: [Columns; 3],
 }
 
 impl PredictWorkspace {
@@ -88,7 +88,7 @@ impl PredictWorkspace {
         position: [ZERO; BLOCKS],
         velocity: [ZERO; BLOCKS],
         attitude: [ZERO; 2],
-        common: [[[0.0; 3]; 3]; 3],
+        columns: [[[0.0; 3]; 3]; 3],
     };
 }
 
@@ -128,14 +128,10 @@ impl<const K: usize, const M: usize> Filter<K, M> {
             &transition.noise,
             workspace,
         );
-        propagate_common(
-            &mut self.cross,
-            &mut self.state.navigation,
-            &transition.phi,
-            &mut workspace.common,
-        );
+        let (state, phi) = (&mut self.state.navigation, &transition.phi);
+        propagate_columns(&mut self.cross, state, phi, &mut workspace.columns);
         for offset in FIRST_OFFSET..K {
-            propagate_offset(&mut self.cross, offset, &transition.phi);
+            propagate_offset(&mut self.cross, offset, phi);
         }
         self.propagate_clocks(&transition.clock);
     }
@@ -468,16 +464,17 @@ pub(super) fn propagate(
     }
 }
 
-/// Columns that every filter has besides the navigation covariance: clock bias, clock drift, error state.
-type CommonColumns = [[f64; 3]; 3];
+/// Columns that every filter has besides the navigation covariance, as many as the registers hold: clock
+/// bias, clock drift, error state.
+type Columns = [[f64; 3]; 3];
 
-/// A row of Φ, whose N blocks begin at block FIRST, times the common columns.
+/// A row of Φ, whose N blocks begin at block FIRST, times these columns.
 #[inline(never)]
-fn row_times_common<const FIRST: usize, const N: usize, const K: usize>(
+fn row_times_columns<const FIRST: usize, const N: usize, const K: usize>(
     row: &[Block; N],
     cross: &[[[f64; 3]; K]; BLOCKS],
     state: &[[f64; 3]; BLOCKS],
-    out: &mut CommonColumns,
+    out: &mut Columns,
 ) {
     let [mut bias, mut drift, mut error] = [[0.0; 3]; 3];
     for (at, block) in row.iter().enumerate() {
@@ -494,20 +491,40 @@ fn row_times_common<const FIRST: usize, const N: usize, const K: usize>(
     *out = [bias, drift, error];
 }
 
-/// Φ times the common columns.
-fn propagate_common<const K: usize>(
+/// Φ times these columns.
+fn propagate_columns<const K: usize>(
     cross: &mut [[[f64; 3]; K]; BLOCKS],
     state: &mut [[f64; 3]; BLOCKS],
     phi: &NavigationTransition,
-    rows: &mut [CommonColumns; 3],
+    rows: &mut [Columns; 3],
 ) {
     let [position, velocity, attitude] = &mut *rows;
-    row_times_common::<POSITION, BLOCKS, K>(&phi.position, cross, state, position);
-    row_times_common::<POSITION, BLOCKS, K>(&phi.velocity, cross, state, velocity);
-    row_times_common::<ATTITUDE, 2, K>(&phi.attitude, cross, state, attitude);
+    row_times_columns::<POSITION, BLOCKS, K>(&phi.position, cross, state, position);
+    row_times_columns::<POSITION, BLOCKS, K>(&phi.velocity, cross, state, velocity);
+    row_times_columns::<ATTITUDE, 2, K>(&phi.attitude, cross, state, attitude);
     for ((columns, error), row) in cross.iter_mut().zip(state).zip(rows) {
         [columns[CLOCK_BIAS], columns[CLOCK_DRIFT], *error] = *row;
     }
+}
+
+/// A row of Φ times a column.
+#[inline(never)]
+fn row_times_vector(
+    row: &[Block; BLOCKS],
+    [position, velocity, attitude, gyro, accel]: [&[f64; 3]; BLOCKS],
+    out: &mut [f64; 3],
+) {
+    let mut sum = [0.0; 3];
+    add_product_vector(&mut sum, &row[POSITION], position);
+    together();
+    add_product_vector(&mut sum, &row[VELOCITY], velocity);
+    together();
+    add_product_vector(&mut sum, &row[ATTITUDE], attitude);
+    together();
+    add_product_vector(&mut sum, &row[GYRO_BIAS], gyro);
+    together();
+    add_product_vector(&mut sum, &row[ACCEL_BIAS], accel);
+    *out = sum;
 }
 
 /// Φ times the covariance with a clock offset.
@@ -517,12 +534,10 @@ fn propagate_offset<const K: usize>(
     offset: usize,
     phi: &NavigationTransition,
 ) {
-    let mut position = [0.0; 3];
-    let mut velocity = [0.0; 3];
-    for ((columns, p), v) in cross.iter().zip(&phi.position).zip(&phi.velocity) {
-        add_product_vector(&mut position, p, &columns[offset]);
-        add_product_vector(&mut velocity, v, &columns[offset]);
-    }
+    let (mut position, mut velocity) = ([0.0; 3], [0.0; 3]);
+    let column = cross.each_ref().map(|columns| &columns[offset]);
+    row_times_vector(&phi.position, column, &mut position);
+    row_times_vector(&phi.velocity, column, &mut velocity);
     let mut attitude = [0.0; 3];
     add_product_vector(&mut attitude, &phi.attitude[0], &cross[ATTITUDE][offset]);
     add_product_vector(&mut attitude, &phi.attitude[1], &cross[GYRO_BIAS][offset]);

@@ -6,7 +6,7 @@
 //!
 //! | symbol | code       | shape | meaning                                                     |
 //! |--------|------------|-------|-------------------------------------------------------------|
-//! | Λ      | matrix     | M × M | lower triangle                                              |
+//! | Λ      | position … | M × M | symmetric, without the entries that are zero for any satellite |
 //! | y      | vector     | M     |                                                             |
 //! | z      | innovation | 1     | predicted − measured, m or m/s                              |
 //! | h      | design     | M     | derivative of the measurement by the states                 |
@@ -20,14 +20,24 @@
     reason = "indices are below M by the loops' bounds; the no-panic image is the judge"
 )]
 
-use super::joint::{PerRow, for_each};
-use super::layout::{CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION};
+use super::layout::{CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, JOINT_NAVIGATION, MAX_JOINT};
 use crate::gnss::CorrectedMeasurement;
+use crate::linalg::block3::Symmetric;
 
 /// Shortest distance to a satellite that a row is made of, m.
 const MIN_RANGE_M: f64 = 1.0e6;
 
-/// Linearised rows of one satellite.
+/// Joint entry of the clock bias.
+pub(super) const BIAS: usize = JOINT_NAVIGATION + CLOCK_BIAS;
+/// Joint entry of the clock drift.
+pub(super) const DRIFT: usize = JOINT_NAVIGATION + CLOCK_DRIFT;
+/// First joint entry of an offset between systems.
+pub(super) const OFFSETS: usize = JOINT_NAVIGATION + FIRST_OFFSET;
+/// Most of them.
+const MAX_OFFSETS: usize = MAX_JOINT - OFFSETS;
+
+/// Linearised rows of one satellite. A pseudorange does not depend on velocity and drift, and on one
+/// offset at most; a range rate not on bias and offsets: these entries are not read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeasurementRow<const M: usize> {
     /// Derivatives of the pseudorange.
@@ -118,8 +128,20 @@ impl<const M: usize> MeasurementRow<M> {
 /// What an epoch says about the joint block of position, velocity and clocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EpochInformation<const M: usize> {
-    /// Λ, its lower triangle by rows.
-    pub(super) matrix: [[f64; M]; M],
+    /// Λ of the position with every entry.
+    position: [[f64; 3]; M],
+    /// Λ of the velocity with itself; with bias and offsets it is zero.
+    velocity: Symmetric,
+    /// Λ of the velocity with the drift.
+    velocity_drift: [f64; 3],
+    /// Λ of the drift with itself; with bias and offsets it is zero.
+    drift: f64,
+    /// Λ of the bias with itself.
+    bias: f64,
+    /// Λ of the bias with each offset.
+    bias_offset: [f64; MAX_OFFSETS],
+    /// Λ of each offset with itself; with the others it is zero.
+    offset: [f64; MAX_OFFSETS],
     /// y.
     pub(super) vector: [f64; M],
     /// zᵀ R⁻¹ z.
@@ -128,50 +150,144 @@ pub struct EpochInformation<const M: usize> {
 }
 
 impl<const M: usize> EpochInformation<M> {
+    const SIZE_FITS: () = assert!(M >= OFFSETS && M <= MAX_JOINT);
+
     /// No measurement.
-    pub const ZERO: Self = Self {
-        matrix: [[0.0; M]; M],
-        vector: [0.0; M],
-        weighted_square: 0.0,
-        rows: 0,
+    pub const ZERO: Self = {
+        let () = Self::SIZE_FITS;
+        Self {
+            position: [[0.0; 3]; M],
+            velocity: [0.0; 6],
+            velocity_drift: [0.0; 3],
+            drift: 0.0,
+            bias: 0.0,
+            bias_offset: [0.0; MAX_OFFSETS],
+            offset: [0.0; MAX_OFFSETS],
+            vector: [0.0; M],
+            weighted_square: 0.0,
+            rows: 0,
+        }
     };
 
     /// Forgets all measurements.
     pub fn clear(&mut self) {
-        self.matrix = [[0.0; M]; M];
-        self.vector = [0.0; M];
-        self.weighted_square = 0.0;
-        self.rows = 0;
+        *self = Self::ZERO;
     }
 
     /// Adds a satellite.
     #[inline(never)]
     pub fn add_row(&mut self, row: &MeasurementRow<M>) {
-        self.add_scalar(&row.pseudorange, row.innovation_m, row.weight);
-        if row.range_rate_weight > 0.0 {
-            self.add_scalar(&row.range_rate, row.innovation_mps, row.range_rate_weight);
+        let (range, rate) = (&row.pseudorange, &row.range_rate);
+        let (weight, rate_weight) = (row.weight, row.range_rate_weight);
+        let weighted = [0, 1, 2].map(|i| weight * range[i]);
+        let rate_weighted = [0, 1, 2].map(|i| rate_weight * rate[i]);
+        let innovation = weight * row.innovation_m;
+        let rate_innovation = rate_weight * row.innovation_mps;
+        for s in 0..M {
+            let of_range = s < 3 || s == BIAS || s >= OFFSETS;
+            let of_rate = s < JOINT_NAVIGATION || s == DRIFT;
+            for i in 0..3 {
+                if of_range {
+                    self.position[s][i] += weighted[i] * range[s];
+                }
+                if of_rate {
+                    self.position[s][i] += rate_weighted[i] * rate[s];
+                }
+            }
+            if of_range {
+                self.vector[s] += innovation * range[s];
+            }
+            if of_rate {
+                self.vector[s] += rate_innovation * rate[s];
+            }
         }
+        self.add_velocity(rate, rate_weight);
+        let bias = weight * range[BIAS];
+        self.bias += bias * range[BIAS];
+        for k in 0..M - OFFSETS {
+            let offset = range[OFFSETS + k];
+            self.bias_offset[k] += bias * offset;
+            self.offset[k] += weight * offset * offset;
+        }
+        self.weighted_square +=
+            innovation * row.innovation_m + rate_innovation * row.innovation_mps;
+        self.rows = self.rows.wrapping_add(1 + u32::from(rate_weight > 0.0));
     }
 
+    /// A range rate's part of what velocity and drift know of themselves.
+    #[inline(always)]
+    fn add_velocity(&mut self, rate: &[f64; M], weight: f64) {
+        let [x, y, z] = [3, 4, 5].map(|s| rate[s]);
+        let (wx, wy, wz) = (weight * x, weight * y, weight * z);
+        let entries = [wx * x, wx * y, wx * z, wy * y, wy * z, wz * z];
+        for k in 0..6 {
+            self.velocity[k] += entries[k];
+        }
+        let drift = rate[DRIFT];
+        for (sum, weighted) in self.velocity_drift.iter_mut().zip([wx, wy, wz]) {
+            *sum += weighted * drift;
+        }
+        self.drift += weight * drift * drift;
+    }
+
+    /// Becomes what two sets of satellites say together; they must not share any.
     #[inline(never)]
-    fn add_scalar(&mut self, design: &[f64; M], innovation: f64, weight: f64) {
-        for_each::<M>(&mut Scalar {
-            matrix: &mut self.matrix,
-            vector: &mut self.vector,
-            design,
-            weight,
-            innovation,
-        });
-        self.weighted_square += weight * innovation * innovation;
-        self.rows = self.rows.wrapping_add(1);
+    pub fn set_sum(&mut self, a: &Self, b: &Self) {
+        for s in 0..M {
+            self.position[s] = sum_of(&a.position[s], &b.position[s]);
+        }
+        self.velocity = sum_of(&a.velocity, &b.velocity);
+        self.velocity_drift = sum_of(&a.velocity_drift, &b.velocity_drift);
+        self.drift = a.drift + b.drift;
+        self.bias = a.bias + b.bias;
+        for k in 0..M - OFFSETS {
+            self.bias_offset[k] = a.bias_offset[k] + b.bias_offset[k];
+            self.offset[k] = a.offset[k] + b.offset[k];
+        }
+        self.vector = sum_of(&a.vector, &b.vector);
+        self.weighted_square = a.weighted_square + b.weighted_square;
+        self.rows = a.rows.wrapping_add(b.rows);
     }
 
     /// Adds all that another set of satellites says; the sets must not share any.
-    #[inline(never)]
     pub fn add(&mut self, other: &Self) {
-        for_each::<M>(&mut Sum { into: self, other });
-        self.weighted_square += other.weighted_square;
-        self.rows = self.rows.wrapping_add(other.rows);
+        let own = self.clone();
+        self.set_sum(&own, other);
+    }
+
+    /// Row `j` of velocity and drift: of Λ with the position and with those up to itself, and of y.
+    #[inline(always)]
+    pub(super) fn rate_row(&self, j: usize) -> ([f64; 3], [f64; 4], f64) {
+        let [xx, xy, xz, yy, yz, zz] = self.velocity;
+        let [dx, dy, dz] = self.velocity_drift;
+        let rows = [
+            [xx, 0.0, 0.0, 0.0],
+            [xy, yy, 0.0, 0.0],
+            [xz, yz, zz, 0.0],
+            [dx, dy, dz, self.drift],
+        ];
+        let at = if j < 3 { 3 + j } else { DRIFT };
+        (self.position[at], rows[j], self.vector[at])
+    }
+
+    /// Row `q` of position, bias and offsets: of Λ up to itself, and of y.
+    #[inline(always)]
+    pub(super) fn range_row(&self, q: usize) -> ([f64; 3 + 1 + MAX_OFFSETS], f64) {
+        let mut row = [0.0; 3 + 1 + MAX_OFFSETS];
+        let at = match q {
+            0..3 => q,
+            3 => BIAS,
+            _ => OFFSETS + q - 4,
+        };
+        let [x, y, z] = self.position[at];
+        (row[0], row[1], row[2]) = (x, y, z);
+        if q == 3 {
+            row[3] = self.bias;
+        } else if q > 3 {
+            row[3] = self.bias_offset[q - 4];
+            row[q] = self.offset[q - 4];
+        }
+        (row, self.vector[at])
     }
 
     /// Measurements in it: pseudoranges and range rates.
@@ -180,40 +296,11 @@ impl<const M: usize> EpochInformation<M> {
     }
 }
 
-/// A scalar measurement that is added.
-struct Scalar<'a, const M: usize> {
-    matrix: &'a mut [[f64; M]; M],
-    vector: &'a mut [f64; M],
-    design: &'a [f64; M],
-    weight: f64,
-    innovation: f64,
-}
-
-impl<const M: usize> PerRow for Scalar<'_, M> {
-    #[inline(always)]
-    fn run<const I: usize>(&mut self) {
-        let weighted = self.weight * self.design[I];
-        for j in 0..I {
-            self.matrix[I][j] += weighted * self.design[j];
-        }
-        self.matrix[I][I] += weighted * self.design[I];
-        self.vector[I] += weighted * self.innovation;
+#[inline(always)]
+fn sum_of<const N: usize>(a: &[f64; N], b: &[f64; N]) -> [f64; N] {
+    let mut sum = *a;
+    for (sum, b) in sum.iter_mut().zip(b) {
+        *sum += b;
     }
-}
-
-/// Another set of satellites that is added.
-struct Sum<'a, const M: usize> {
-    into: &'a mut EpochInformation<M>,
-    other: &'a EpochInformation<M>,
-}
-
-impl<const M: usize> PerRow for Sum<'_, M> {
-    #[inline(always)]
-    fn run<const I: usize>(&mut self) {
-        for j in 0..I {
-            self.into.matrix[I][j] += self.other.matrix[I][j];
-        }
-        self.into.matrix[I][I] += self.other.matrix[I][I];
-        self.into.vector[I] += self.other.vector[I];
-    }
+    sum
 }

@@ -24,7 +24,8 @@
 )]
 
 use super::information::EpochInformation;
-use super::layout::JOINT_NAVIGATION;
+use super::layout::{CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET};
+use crate::linalg::block3::together;
 
 /// A pivot below this part of its diagonal entry is rounding: M sums of products of f64 carry about
 /// 1e-15 of it.
@@ -35,9 +36,6 @@ const RANK_TOLERANCE: f64 = 1.0e-13;
 /// it is, the sum of all is Λ again. One that would more than double a variance, with 1 + e_q u_qᵀ v_q below
 /// this, is not taken.
 const MIN_SHRINKAGE: f64 = 0.5;
-
-/// Most entries of a joint block: position, velocity and four clock states.
-pub(super) const MAX_JOINT: usize = 10;
 
 /// What is known of one scalar measurement.
 #[derive(Clone, Copy, Debug)]
@@ -63,16 +61,23 @@ pub(super) struct Directions<const K: usize, const M: usize> {
 impl<const K: usize, const M: usize> Directions<K, M> {
     /// Entry s of v_q.
     #[inline(always)]
-    fn entry(&mut self, q: usize, s: usize) -> &mut f64 {
-        match s {
-            0..3 => &mut self.position[q][s],
-            3..JOINT_NAVIGATION => &mut self.velocity[q][s - 3],
-            _ => &mut self.clock[q][s - JOINT_NAVIGATION],
+    const fn entry(&mut self, q: usize, s: usize) -> &mut f64 {
+        if s < 3 {
+            &mut self.position[q][s]
+        } else if s == 3 {
+            &mut self.clock[q][CLOCK_BIAS]
+        } else if s < M - RATES {
+            &mut self.clock[q][s - 4 + FIRST_OFFSET]
+        } else if s < M - 1 {
+            &mut self.velocity[q][s + RATES - M]
+        } else {
+            &mut self.clock[q][CLOCK_DRIFT]
         }
     }
 }
 
-/// The scalar measurements of an update. Vectors by rows; entry q of u_q and z_q is 1 and not stored.
+/// The scalar measurements of an update. Rows and columns in the order position, bias, offsets; velocity,
+/// drift: no entry couples a pseudorange's bias and offsets to what only range rates measure.
 #[derive(Clone, Debug)]
 pub(super) struct JointWorkspace<const K: usize, const M: usize> {
     /// u_q.
@@ -87,11 +92,10 @@ pub(super) struct JointWorkspace<const K: usize, const M: usize> {
     pub directions: Directions<K, M>,
     /// (v_pᵀ u_q)/s_p of the measurement q that is being taken.
     share: [f64; M],
-    /// Σ ν_q² / s_q.
-    taken: f64,
-    /// Σ e_q η_q².
-    explained: f64,
 }
+
+/// Entries that only range rates measure: velocity and drift.
+const RATES: usize = 4;
 
 impl<const K: usize, const M: usize> JointWorkspace<K, M> {
     pub const EMPTY: Self = Self {
@@ -111,157 +115,194 @@ impl<const K: usize, const M: usize> JointWorkspace<K, M> {
             clock: [[0.0; K]; M],
         },
         share: [0.0; M],
-        taken: 0.0,
-        explained: 0.0,
     };
+
+    /// Where a clock state stands in the joint block.
+    pub const fn clock(k: usize) -> usize {
+        match k {
+            CLOCK_BIAS => 3,
+            CLOCK_DRIFT => M - 1,
+            offset => 4 + offset - FIRST_OFFSET,
+        }
+    }
+
+    /// Where an axis of the velocity stands in the joint block.
+    pub const fn velocity(axis: usize) -> usize {
+        M - RATES + axis
+    }
 
     /// Fills everything that the caller has not; returns νᵀ S⁻¹ ν of all measurements.
     pub fn take(&mut self, information: &EpochInformation<M>) -> f64 {
-        (self.taken, self.explained) = (0.0, 0.0);
-        factorise(information, self);
-        take_all(self);
-        let unexplained = information.weighted_square - self.explained;
-        self.taken + if unexplained > 0.0 { unexplained } else { 0.0 }
+        let explained = self.factorise(information);
+        let taken = self.take_all();
+        let unexplained = information.weighted_square - explained;
+        taken + if unexplained > 0.0 { unexplained } else { 0.0 }
     }
-}
 
-/// What is done once per row of a joint block or per scalar measurement. The number is a constant of the
-/// compiler, so that loops up to it are unrolled and their entries stay in registers.
-pub(super) trait PerRow {
-    fn run<const Q: usize>(&mut self);
-}
-
-/// Runs for 0, 1, … M − 1.
-#[inline(always)]
-pub(super) fn for_each<const M: usize>(work: &mut impl PerRow) {
-    const { assert!(8 <= M && M <= MAX_JOINT) };
-    work.run::<0>();
-    work.run::<1>();
-    work.run::<2>();
-    work.run::<3>();
-    work.run::<4>();
-    work.run::<5>();
-    work.run::<6>();
-    work.run::<7>();
-    if M > 8 {
-        work.run::<8>();
+    /// Fills u_q, e_q and e_q η_q; returns Σ e_q η_q².
+    #[inline(never)]
+    fn factorise(&mut self, information: &EpochInformation<M>) -> f64 {
+        let mut explained = 0.0;
+        self.factorise_rate::<3>(information, &mut explained);
+        self.factorise_rate::<2>(information, &mut explained);
+        self.factorise_rate::<1>(information, &mut explained);
+        self.factorise_rate::<0>(information, &mut explained);
+        if M > 9 {
+            self.factorise_range::<5>(information, &mut explained);
+        }
+        if M > 8 {
+            self.factorise_range::<4>(information, &mut explained);
+        }
+        self.factorise_range::<3>(information, &mut explained);
+        self.factorise_range::<2>(information, &mut explained);
+        self.factorise_range::<1>(information, &mut explained);
+        self.factorise_range::<0>(information, &mut explained);
+        explained
     }
-    if M > 9 {
-        work.run::<9>();
-    }
-}
 
-struct Factorisation<'a, const K: usize, const M: usize> {
-    information: &'a EpochInformation<M>,
-    design: &'a mut [[f64; M]; M],
-    scalar: &'a mut [Scalar; M],
-    explained: &'a mut f64,
-}
-
-impl<const K: usize, const M: usize> PerRow for Factorisation<'_, K, M> {
-    /// Row q of Λ less what the later measurements have of it, divided by its pivot.
+    /// Velocity and drift: row J of Λ less what the later measurements have of it, divided by its pivot.
     #[inline(always)]
-    fn run<const BEFORE_LAST: usize>(&mut self) {
-        let q = M - 1 - BEFORE_LAST;
-        let mut row = self.information.matrix[q];
-        let mut weighted = self.information.vector[q];
-        for later in q + 1..M {
-            let u = self.design[later][q];
-            let share = u * self.scalar[later].information;
-            for s in 0..q {
-                row[s] -= share * self.design[later][s];
+    fn factorise_rate<const J: usize>(
+        &mut self,
+        information: &EpochInformation<M>,
+        explained: &mut f64,
+    ) {
+        let (mut position, mut rates, mut weighted) = information.rate_row(J);
+        let first = M - RATES;
+        let whole = rates[J];
+        for later in J + 1..RATES {
+            let (row, scalar) = (&self.design[first + later], &self.scalar[first + later]);
+            let u = row[first + J];
+            let share = u * scalar.information;
+            for s in 0..3 {
+                position[s] -= share * row[s];
             }
-            row[q] -= share * u;
-            weighted -= u * self.scalar[later].weighted;
+            for s in 0..J {
+                rates[s] -= share * row[first + s];
+            }
+            rates[J] -= share * u;
+            weighted -= u * scalar.weighted;
         }
-        let mut pivot = row[q];
-        let mut inverse = 1.0 / pivot;
-        if !(libm::fabs(pivot) > RANK_TOLERANCE * self.information.matrix[q][q]) {
-            (pivot, inverse, weighted) = (0.0, 0.0, 0.0);
+        let (scalar, inverse) = Scalar::of_pivot(rates[J], whole, weighted);
+        let row = &mut self.design[first + J];
+        for s in 0..3 {
+            row[s] = position[s] * inverse;
         }
-        for s in 0..q {
-            self.design[q][s] = row[s] * inverse;
+        for s in 0..J {
+            row[first + s] = rates[s] * inverse;
         }
-        self.scalar[q].information = pivot;
-        self.scalar[q].weighted = weighted;
-        *self.explained += weighted * weighted * inverse;
+        row[first + J] = 1.0;
+        *explained += scalar.weighted * scalar.weighted * inverse;
+        self.scalar[first + J] = scalar;
     }
-}
 
-#[inline(never)]
-fn factorise<const K: usize, const M: usize>(
-    information: &EpochInformation<M>,
-    joint: &mut JointWorkspace<K, M>,
-) {
-    for_each::<M>(&mut Factorisation::<K, M> {
-        information,
-        design: &mut joint.design,
-        scalar: &mut joint.scalar,
-        explained: &mut joint.explained,
-    });
-}
-
-impl<const K: usize, const M: usize> PerRow for JointWorkspace<K, M> {
+    /// The same of position, bias and offsets; those do not occur in the rows of velocity and drift.
     #[inline(always)]
-    fn run<const Q: usize>(&mut self) {
-        if Q < M {
-            take_one::<Q, K, M>(self);
+    fn factorise_range<const Q: usize>(
+        &mut self,
+        information: &EpochInformation<M>,
+        explained: &mut f64,
+    ) {
+        let (mut entries, mut weighted) = information.range_row(Q);
+        let whole = entries[Q];
+        let end = if Q < 3 { M } else { M - RATES };
+        for later in Q + 1..end {
+            let (row, scalar) = (&self.design[later], &self.scalar[later]);
+            let u = row[Q];
+            let share = u * scalar.information;
+            for s in 0..Q {
+                entries[s] -= share * row[s];
+            }
+            entries[Q] -= share * u;
+            weighted -= u * scalar.weighted;
         }
+        let (scalar, inverse) = Scalar::of_pivot(entries[Q], whole, weighted);
+        let row = &mut self.design[Q];
+        for s in 0..Q {
+            row[s] = entries[s] * inverse;
+        }
+        row[Q] = 1.0;
+        *explained += scalar.weighted * scalar.weighted * inverse;
+        self.scalar[Q] = scalar;
+    }
+
+    /// Fills the rest; returns Σ ν_q² / s_q.
+    #[inline(never)]
+    fn take_all(&mut self) -> f64 {
+        let mut taken = 0.0;
+        self.take_one::<0>(&mut taken);
+        self.take_one::<1>(&mut taken);
+        self.take_one::<2>(&mut taken);
+        self.take_one::<3>(&mut taken);
+        self.take_one::<4>(&mut taken);
+        self.take_one::<5>(&mut taken);
+        self.take_one::<6>(&mut taken);
+        self.take_one::<7>(&mut taken);
+        if M > 8 {
+            self.take_one::<8>(&mut taken);
+        }
+        if M > 9 {
+            self.take_one::<9>(&mut taken);
+        }
+        taken
+    }
+
+    #[inline(always)]
+    fn take_one<const Q: usize>(&mut self, taken: &mut f64) {
+        if Q >= M {
+            return;
+        }
+        let u = &self.design[Q];
+        let predicted = shares::<Q, K, M>(
+            &mut self.directions,
+            u,
+            &self.state,
+            &self.scalar,
+            &mut self.share,
+        );
+        combine::<Q, M>(u, &self.share, &mut self.combination);
+        let variance = direct::<Q, K, M>(
+            &self.covariance,
+            &self.combination[Q],
+            u,
+            &mut self.directions,
+        );
+        *taken += self.scalar[Q].take(variance, predicted);
     }
 }
 
-#[inline(never)]
-fn take_all<const K: usize, const M: usize>(joint: &mut JointWorkspace<K, M>) {
-    for_each::<M>(joint);
+/// Whether u_q may have an entry s < q: those of velocity and drift have none of bias and offsets.
+#[inline(always)]
+const fn is_coupled<const M: usize>(q: usize, s: usize) -> bool {
+    q < M - RATES || s < 3 || s >= M - RATES
 }
 
-#[inline(never)]
-fn take_one<const Q: usize, const K: usize, const M: usize>(joint: &mut JointWorkspace<K, M>) {
-    let u = &joint.design[Q];
-    let mut predicted = joint.state[Q];
-    for s in 0..Q {
-        predicted += u[s] * joint.state[s];
-    }
-    predicted += shares::<Q, K, M>(&mut joint.directions, u, &joint.scalar, &mut joint.share);
-    combine::<Q, M>(u, &joint.share, &mut joint.combination);
-    let variance = direct::<Q, K, M>(
-        &joint.covariance,
-        &joint.combination[Q],
-        u,
-        &mut joint.directions,
-    );
-    let scalar = &mut joint.scalar[Q];
-    let shrinks_by = 1.0 + scalar.information * variance;
-    let mut scale = 1.0 / shrinks_by;
-    if !(shrinks_by > MIN_SHRINKAGE) {
-        scale = 0.0;
-    }
-    let innovation = scalar.weighted - scalar.information * predicted;
-    scalar.precision = scalar.information * scale;
-    scalar.step = innovation * scale;
-    if scalar.information != 0.0 {
-        joint.taken += innovation * scalar.step / scalar.information;
-    }
-}
-
-/// (v_pᵀ u)/s_p; returns u_qᵀ of what the measurements before have moved the state by.
+/// (v_pᵀ u)/s_p of the measurements before; returns u_qᵀ x of the state as they have moved it.
 #[inline(never)]
 fn shares<const Q: usize, const K: usize, const M: usize>(
     directions: &mut Directions<K, M>,
     u: &[f64; M],
+    state: &[f64; M],
     scalar: &[Scalar; M],
     share: &mut [f64; M],
 ) -> f64 {
-    let mut moved = 0.0;
+    let mut predicted = state[Q];
+    for s in 0..Q {
+        if is_coupled::<M>(Q, s) {
+            predicted += u[s] * state[s];
+        }
+    }
     for p in 0..Q {
         let mut along = *directions.entry(p, Q);
         for s in 0..Q {
-            along += *directions.entry(p, s) * u[s];
+            if is_coupled::<M>(Q, s) {
+                along += *directions.entry(p, s) * u[s];
+            }
         }
-        moved += along * scalar[p].step;
+        predicted += along * scalar[p].step;
         share[p] = along * scalar[p].precision;
     }
-    moved
+    predicted
 }
 
 /// z_q.
@@ -271,7 +312,12 @@ fn combine<const Q: usize, const M: usize>(
     share: &[f64; M],
     combination: &mut [[f64; M]; M],
 ) {
-    let mut z = *u;
+    let mut z = [0.0; M];
+    for s in 0..Q {
+        if is_coupled::<M>(Q, s) {
+            z[s] = u[s];
+        }
+    }
     for p in 0..Q {
         for s in 0..p {
             z[s] -= share[p] * combination[p][s];
@@ -293,16 +339,57 @@ fn direct<const Q: usize, const K: usize, const M: usize>(
 ) -> f64 {
     let mut v = covariance[Q];
     for p in 0..Q {
+        together();
         for s in 0..M {
             v[s] += covariance[p][s] * z[p];
         }
     }
     let mut variance = v[Q];
     for s in 0..Q {
-        variance += u[s] * v[s];
+        if is_coupled::<M>(Q, s) {
+            variance += u[s] * v[s];
+        }
     }
     for s in 0..M {
         *directions.entry(Q, s) = v[s];
     }
     variance
+}
+
+impl Scalar {
+    /// What a pivot of Λ says, and its inverse; nothing where rank is missing.
+    #[inline(always)]
+    fn of_pivot(pivot: f64, whole: f64, weighted: f64) -> (Self, f64) {
+        let is_known = libm::fabs(pivot) > RANK_TOLERANCE * whole;
+        let (information, weighted, inverse) = if is_known {
+            (pivot, weighted, 1.0 / pivot)
+        } else {
+            (0.0, 0.0, 0.0)
+        };
+        let scalar = Self {
+            information,
+            weighted,
+            precision: 0.0,
+            step: 0.0,
+        };
+        (scalar, inverse)
+    }
+
+    /// Takes the measurement of this variance and prediction; returns ν_q² / s_q.
+    #[inline(never)]
+    fn take(&mut self, variance: f64, predicted: f64) -> f64 {
+        let shrinks_by = 1.0 + self.information * variance;
+        let mut scale = 1.0 / shrinks_by;
+        if !(shrinks_by > MIN_SHRINKAGE) {
+            scale = 0.0;
+        }
+        let innovation = self.weighted - self.information * predicted;
+        self.precision = self.information * scale;
+        self.step = innovation * scale;
+        if self.information != 0.0 {
+            innovation * self.step / self.information
+        } else {
+            0.0
+        }
+    }
 }

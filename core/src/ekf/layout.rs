@@ -41,6 +41,9 @@ pub const CLOCK_DRIFT: usize = 1;
 /// First clock column of an offset between systems.
 pub const FIRST_OFFSET: usize = 2;
 
+/// Most entries of a joint block: position, velocity and four clock states.
+pub const MAX_JOINT: usize = JOINT_NAVIGATION + 4;
+
 /// Where the pair (i, j), i < j, of blocks is stored: 01 02 03 04 12 13 14 23 24 34.
 pub(crate) const fn pair(i: usize, j: usize) -> usize {
     i * (2 * BLOCKS - i - 1) / 2 + j - i - 1

@@ -23,8 +23,8 @@
 use super::filter::Filter;
 use super::information::EpochInformation;
 use super::joint::{JointWorkspace, Scalar};
-use super::layout::{BLOCKS, JOINT_NAVIGATION, POSITION, VELOCITY, pair};
-use crate::linalg::block3::{Block, Symmetric, full};
+use super::layout::{BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, MAX_JOINT, POSITION, VELOCITY, pair};
+use crate::linalg::block3::{Block, Symmetric, full, together};
 
 /// Vectors of one block of states, one per scalar measurement.
 type BlockVectors<const M: usize> = [[f64; 3]; M];
@@ -38,7 +38,16 @@ pub struct UpdateWorkspace<const K: usize, const M: usize> {
     /// v_q/s_q of each block of states.
     gains: [BlockVectors<M>; BLOCKS],
     /// v_q/s_q of the clock states.
-    clock_gains: [[f64; K]; M],
+    clock_gains: [ClockGain<K>; M],
+}
+
+/// What the covariance with the clock states and the state itself lose by a scalar measurement, per entry
+/// of v_q.
+#[derive(Clone, Copy, Debug)]
+struct ClockGain<const K: usize> {
+    clock: [f64; K],
+    /// −ν_q/s_q.
+    state: f64,
 }
 
 impl<const K: usize, const M: usize> UpdateWorkspace<K, M> {
@@ -47,7 +56,10 @@ impl<const K: usize, const M: usize> UpdateWorkspace<K, M> {
         joint: JointWorkspace::EMPTY,
         vectors: [[[0.0; 3]; M]; BLOCKS - 2],
         gains: [[[0.0; 3]; M]; BLOCKS],
-        clock_gains: [[0.0; K]; M],
+        clock_gains: [ClockGain {
+            clock: [0.0; K],
+            state: 0.0,
+        }; M],
     };
 }
 
@@ -95,27 +107,29 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         let velocity = full(&self.covariance.diagonal[VELOCITY]);
         let both = &self.covariance.off_diagonal[pair(POSITION, VELOCITY)];
         let (covariance, state) = (&mut joint.covariance, &mut joint.state);
+        let velocity_at = JointWorkspace::<K, M>::velocity;
+        let clock_at = JointWorkspace::<K, M>::clock;
         for i in 0..3 {
             for j in 0..3 {
                 covariance[i][j] = position[3 * i + j];
-                covariance[i][3 + j] = both[3 * i + j];
-                covariance[3 + j][i] = both[3 * i + j];
-                covariance[3 + i][3 + j] = velocity[3 * i + j];
+                covariance[i][velocity_at(j)] = both[3 * i + j];
+                covariance[velocity_at(j)][i] = both[3 * i + j];
+                covariance[velocity_at(i)][velocity_at(j)] = velocity[3 * i + j];
             }
             for k in 0..K {
-                covariance[i][JOINT_NAVIGATION + k] = self.cross[POSITION][k][i];
-                covariance[JOINT_NAVIGATION + k][i] = self.cross[POSITION][k][i];
-                covariance[3 + i][JOINT_NAVIGATION + k] = self.cross[VELOCITY][k][i];
-                covariance[JOINT_NAVIGATION + k][3 + i] = self.cross[VELOCITY][k][i];
+                covariance[i][clock_at(k)] = self.cross[POSITION][k][i];
+                covariance[clock_at(k)][i] = self.cross[POSITION][k][i];
+                covariance[velocity_at(i)][clock_at(k)] = self.cross[VELOCITY][k][i];
+                covariance[clock_at(k)][velocity_at(i)] = self.cross[VELOCITY][k][i];
             }
             state[i] = self.state.navigation[POSITION][i];
-            state[3 + i] = self.state.navigation[VELOCITY][i];
+            state[velocity_at(i)] = self.state.navigation[VELOCITY][i];
         }
         for k in 0..K {
             for l in 0..K {
-                covariance[JOINT_NAVIGATION + k][JOINT_NAVIGATION + l] = self.clock[k][l];
+                covariance[clock_at(k)][clock_at(l)] = self.clock[k][l];
             }
-            state[JOINT_NAVIGATION + k] = self.state.clock[k];
+            state[clock_at(k)] = self.state.clock[k];
         }
     }
 
@@ -125,30 +139,23 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         let UpdateWorkspace {
             joint, clock_gains, ..
         } = workspace;
-        let mut covariance = self.clock;
-        let directions = joint.directions.clock.iter().zip(&joint.scalar);
-        for ((v, scalar), gains) in directions.clone().zip(clock_gains) {
-            let gain = v.map(|entry| entry * scalar.precision);
-            for k in 0..K {
-                for l in 0..=k {
-                    covariance[k][l] -= v[k] * gain[l];
-                }
-            }
-            *gains = gain;
+        let mut work = ClockSubtraction {
+            covariance: self.clock,
+            state: self.state.clock,
+            directions: &joint.directions.clock,
+            scalar: &joint.scalar,
+            gains: clock_gains,
+        };
+        for q in 0..M {
+            work.run(q);
         }
-        let mut state = self.state.clock;
-        for (v, scalar) in directions {
-            for k in 0..K {
-                state[k] += v[k] * scalar.step;
-            }
-        }
-        self.state.clock = state;
+        let (mut covariance, state) = (work.covariance, work.state);
         for k in 0..K {
             for l in 0..k {
                 covariance[l][k] = covariance[k][l];
             }
         }
-        self.clock = covariance;
+        (self.clock, self.state.clock) = (covariance, state);
     }
 
     /// P ← P − Σ v_q v_qᵀ / s_q, x ← x + Σ v_q ν_q / s_q of all blocks of states.
@@ -177,7 +184,7 @@ impl<const K: usize, const M: usize> Filter<K, M> {
                 &mut gains[block],
             );
             let (columns, state) = (&mut self.cross[block], &mut self.state.navigation[block]);
-            subtract_columns(columns, state, vectors, clock_gains, &joint.scalar);
+            subtract_columns(columns, state, vectors, clock_gains);
         }
         let mut off_diagonal = self.covariance.off_diagonal.iter_mut();
         for (row, vectors) in vectors.into_iter().enumerate() {
@@ -199,14 +206,20 @@ fn block_vectors<const K: usize, const M: usize>(
     combination: &[[f64; M]; M],
     vectors: &mut BlockVectors<M>,
 ) {
-    // The blocks are stored with the measured state first.
-    let column = |s: usize| match s {
-        0..3 => [position[3 * s], position[3 * s + 1], position[3 * s + 2]],
-        3..JOINT_NAVIGATION => {
-            let at = 3 * (s - 3);
+    // The blocks are stored with the measured state first; the order is that of the joint block.
+    let column = |s: usize| {
+        if s < 3 {
+            [position[3 * s], position[3 * s + 1], position[3 * s + 2]]
+        } else if s == 3 {
+            clocks[CLOCK_BIAS]
+        } else if s == M - 1 {
+            clocks[CLOCK_DRIFT]
+        } else if s < M - 4 {
+            clocks[s - 4 + FIRST_OFFSET]
+        } else {
+            let at = 3 * (s + 4 - M);
             [velocity[at], velocity[at + 1], velocity[at + 2]]
         }
-        _ => clocks[s - JOINT_NAVIGATION],
     };
     vectors_from::<0, M>(column, combination, vectors);
     vectors_from::<3, M>(column, combination, vectors);
@@ -259,51 +272,146 @@ fn subtract_symmetric<const M: usize>(
     scalar: &[Scalar; M],
     gains: &mut BlockVectors<M>,
 ) {
-    let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = *p;
-    for (([x, y, z], scalar), gain) in vectors.iter().zip(scalar).zip(gains) {
-        let precision = scalar.precision;
+    let mut work = SymmetricSubtraction {
+        sum: *p,
+        vectors,
+        scalar,
+        gains,
+    };
+    for_each::<M>(&mut work);
+    *p = work.sum;
+}
+
+struct SymmetricSubtraction<'a, const M: usize> {
+    sum: Symmetric,
+    vectors: &'a BlockVectors<M>,
+    scalar: &'a [Scalar; M],
+    gains: &'a mut BlockVectors<M>,
+}
+
+impl<const M: usize> PerScalar for SymmetricSubtraction<'_, M> {
+    #[inline(always)]
+    fn run<const Q: usize>(&mut self) {
+        let [x, y, z] = self.vectors[Q];
+        let precision = self.scalar[Q].precision;
         let (gx, gy, gz) = (x * precision, y * precision, z * precision);
-        xx -= x * gx;
-        xy -= x * gy;
-        xz -= x * gz;
-        yy -= y * gy;
-        yz -= y * gz;
-        zz -= z * gz;
-        *gain = [gx, gy, gz];
+        let [xx, xy, xz, yy, yz, zz] = &mut self.sum;
+        *xx -= x * gx;
+        *xy -= x * gy;
+        *xz -= x * gz;
+        *yy -= y * gy;
+        *yz -= y * gz;
+        *zz -= z * gz;
+        self.gains[Q] = [gx, gy, gz];
     }
-    *p = [xx, xy, xz, yy, yz, zz];
 }
 
 /// `p -= Σ v_q g_qᵀ`.
 #[inline(never)]
 fn subtract<const M: usize>(p: &mut Block, vectors: &BlockVectors<M>, gains: &BlockVectors<M>) {
-    let mut sum = *p;
-    for (v, g) in vectors.iter().zip(gains) {
+    let mut work = Subtraction {
+        sum: *p,
+        vectors,
+        gains,
+    };
+    for_each::<M>(&mut work);
+    *p = work.sum;
+}
+
+struct Subtraction<'a, const M: usize> {
+    sum: Block,
+    vectors: &'a BlockVectors<M>,
+    gains: &'a BlockVectors<M>,
+}
+
+impl<const M: usize> PerScalar for Subtraction<'_, M> {
+    #[inline(always)]
+    fn run<const Q: usize>(&mut self) {
+        let (v, g) = (&self.vectors[Q], &self.gains[Q]);
         for i in 0..3 {
             for j in 0..3 {
-                sum[3 * i + j] -= v[i] * g[j];
+                self.sum[3 * i + j] -= v[i] * g[j];
             }
         }
     }
-    *p = sum;
 }
 
-/// The same of the covariance with the clock states, and the state's own step. Four columns are what the
-/// registers hold.
+/// What is done once per scalar measurement.
+trait PerScalar {
+    fn run<const Q: usize>(&mut self);
+}
+
+/// Runs for 0, 1, … M − 1. Nothing is moved from one to the next, so that the three entries of a vector are
+/// loaded together, by one instruction.
+#[inline(always)]
+fn for_each<const M: usize>(work: &mut impl PerScalar) {
+    const { assert!(8 <= M && M <= MAX_JOINT) };
+    work.run::<0>();
+    together();
+    work.run::<1>();
+    together();
+    work.run::<2>();
+    together();
+    work.run::<3>();
+    together();
+    work.run::<4>();
+    together();
+    work.run::<5>();
+    together();
+    work.run::<6>();
+    together();
+    work.run::<7>();
+    if M > 8 {
+        together();
+        work.run::<8>();
+    }
+    if M > 9 {
+        together();
+        work.run::<9>();
+    }
+}
+
+struct ClockSubtraction<'a, const K: usize, const M: usize> {
+    covariance: [[f64; K]; K],
+    state: [f64; K],
+    directions: &'a [[f64; K]; M],
+    scalar: &'a [Scalar; M],
+    gains: &'a mut [ClockGain<K>; M],
+}
+
+impl<const K: usize, const M: usize> ClockSubtraction<'_, K, M> {
+    #[inline(always)]
+    fn run(&mut self, q: usize) {
+        let (v, scalar) = (&self.directions[q], &self.scalar[q]);
+        let gain = v.map(|entry| entry * scalar.precision);
+        for k in 0..K {
+            for l in 0..=k {
+                self.covariance[k][l] -= v[k] * gain[l];
+            }
+            self.state[k] += v[k] * scalar.step;
+        }
+        self.gains[q] = ClockGain {
+            clock: gain,
+            state: -scalar.step,
+        };
+    }
+}
+
+/// The same of the covariance with the clock states, and of the state. Three clocks are what the registers
+/// hold beside it.
 fn subtract_columns<const K: usize, const M: usize>(
     columns: &mut [[f64; 3]; K],
     state: &mut [f64; 3],
     vectors: &BlockVectors<M>,
-    gains: &[[f64; K]; M],
-    scalar: &[Scalar; M],
+    gains: &[ClockGain<K>; M],
 ) {
     if let Some((three, rest)) = columns.split_first_chunk_mut::<3>() {
-        subtract_first_columns(three, state, vectors, gains, scalar);
+        subtract_first_columns(three, state, vectors, gains);
         for (column, k) in rest.iter_mut().zip(3..) {
             subtract_column(column, vectors, gains, k);
         }
     } else if let Some(two) = columns.first_chunk_mut::<2>() {
-        subtract_first_columns(two, state, vectors, gains, scalar);
+        subtract_first_columns(two, state, vectors, gains);
     }
 }
 
@@ -312,34 +420,51 @@ fn subtract_first_columns<const C: usize, const K: usize, const M: usize>(
     columns: &mut [[f64; 3]; C],
     state: &mut [f64; 3],
     vectors: &BlockVectors<M>,
-    gains: &[[f64; K]; M],
-    scalar: &[Scalar; M],
+    gains: &[ClockGain<K>; M],
 ) {
-    let (mut sums, mut moved) = (*columns, *state);
-    for ((v, gain), scalar) in vectors.iter().zip(gains).zip(scalar) {
-        for (sum, gain) in sums.iter_mut().zip(gain) {
+    let mut work = ColumnSubtraction {
+        columns: *columns,
+        state: *state,
+        vectors,
+        gains,
+    };
+    for_each::<M>(&mut work);
+    (*columns, *state) = (work.columns, work.state);
+}
+
+struct ColumnSubtraction<'a, const C: usize, const K: usize, const M: usize> {
+    columns: [[f64; 3]; C],
+    state: [f64; 3],
+    vectors: &'a BlockVectors<M>,
+    gains: &'a [ClockGain<K>; M],
+}
+
+impl<const C: usize, const K: usize, const M: usize> PerScalar for ColumnSubtraction<'_, C, K, M> {
+    #[inline(always)]
+    fn run<const Q: usize>(&mut self) {
+        let (v, gain) = (&self.vectors[Q], &self.gains[Q]);
+        for (column, gain) in self.columns.iter_mut().zip(&gain.clock) {
             for i in 0..3 {
-                sum[i] -= v[i] * gain;
+                column[i] -= v[i] * gain;
             }
         }
         for i in 0..3 {
-            moved[i] += v[i] * scalar.step;
+            self.state[i] -= v[i] * gain.state;
         }
     }
-    (*columns, *state) = (sums, moved);
 }
 
 #[inline(never)]
 fn subtract_column<const K: usize, const M: usize>(
     column: &mut [f64; 3],
     vectors: &BlockVectors<M>,
-    gains: &[[f64; K]; M],
+    gains: &[ClockGain<K>; M],
     k: usize,
 ) {
     let mut sum = *column;
     for (v, gain) in vectors.iter().zip(gains) {
         for i in 0..3 {
-            sum[i] -= v[i] * gain[k];
+            sum[i] -= v[i] * gain.clock[k];
         }
     }
     *column = sum;
@@ -352,14 +477,18 @@ mod tests {
     use crate::ekf::information::MeasurementRow;
 
     fn random_row(noise: &mut Noise, weight: f64) -> MeasurementRow<M> {
-        MeasurementRow {
+        let mut row = MeasurementRow {
             pseudorange: core::array::from_fn(|_| noise.next()),
             innovation_m: noise.next(),
             weight,
             range_rate: core::array::from_fn(|_| noise.next()),
             innovation_mps: noise.next(),
             range_rate_weight: 0.5 * weight,
-        }
+        };
+        row.pseudorange[3..6].fill(0.0);
+        row.pseudorange[6 + CLOCK_DRIFT] = 0.0;
+        row.range_rate[6 + CLOCK_BIAS] = 0.0;
+        row
     }
 
     /// One scalar update after the other with the textbook's gain, and its NIS.
@@ -420,14 +549,13 @@ mod tests {
         }
         let [mut sum, odd] = parts;
         sum.add(&odd);
-        for (a, b) in sum
-            .matrix
-            .iter()
-            .flatten()
-            .zip(whole.matrix.iter().flatten())
-        {
-            assert!((a - b).abs() < 1e-14);
-        }
+        let mut workspace = UpdateWorkspace::<K, M>::EMPTY;
+        let mut apart = random_filter(&mut noise);
+        let mut together = apart.clone();
+        let nis = apart.update(&sum, &mut workspace).nis;
+        assert!((together.update(&whole, &mut workspace).nis - nis).abs() < 1e-12);
+        let difference = dense::covariance(&apart) - dense::covariance(&together);
+        assert!(difference.amax() < 1e-14);
         assert_eq!(sum.rows(), 16);
     }
 }

@@ -210,7 +210,7 @@ mod tests {
         set
     }
 
-    /// INT-020.
+    /// INT-028.
     #[test]
     fn a_snapshot_that_cannot_test_leaves_the_verdict_to_the_bank() {
         for reason in [
@@ -227,6 +227,7 @@ mod tests {
         }
     }
 
+    /// INT-028.
     #[test]
     fn the_worse_opinion_holds_and_is_visible() {
         let passed = snapshot(Integrity::Nominal, Reason::None);

@@ -458,8 +458,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             let Some(rest) = after.get(at + 1) else {
                 break;
             };
-            without.clone_from(before);
-            without.add(rest);
+            without.set_sum(before, rest);
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.update(without, update_workspace);
             }
@@ -469,8 +468,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 let Some(rest) = after.get(other_at + 1) else {
                     break;
                 };
-                without.clone_from(between);
-                without.add(rest);
+                without.set_sum(between, rest);
                 if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
                     filter.update(without, update_workspace);
                 }

@@ -24,7 +24,8 @@
 //!
 //! A filter does not follow the least squares at once: per epoch it goes the share κ = P/P_wls of the
 //! way, its posterior variance over that of the least squares with the same weights, which is its gain. So
-//! does the bound, faster upwards (2 κ) than downwards (κ/2). Where the least squares has no solution there
+//! does the bound, faster upwards (2 κ) than downwards (about κ/2, the root of what is left of the variance).
+//! Where the least squares has no solution there
 //! is no way to go, and yet some satellites may move the filter: by K b per epoch, whose variance is at most
 //! ρ² times what the update takes from the filter's own, K S Kᵀ. Four times that much the bound grows, for what
 //! the velocity then does. Without any
@@ -43,10 +44,8 @@ use super::separation::Variances;
 use crate::consts::MAX_CLOCKS;
 use crate::ekf::MeasurementRow;
 
-/// The bound goes up by this many times the filter's gain, and down by the second.
+/// The bound goes up by this many times the filter's gain.
 const UPWARDS: f64 = 2.0;
-/// See [`UPWARDS`].
-const DOWNWARDS: f64 = 0.5;
 /// Without a least-squares solution the bound grows by this many times what the update takes: what moves the
 /// position moves the velocity too.
 const GROWTH: f64 = 4.0;
@@ -534,38 +533,37 @@ fn advanced(from: Sigmas, to: Option<&Subset>, ratio: f64, own: &OwnVariances) -
     let targets = to.variances(ratio);
     core::array::from_fn(|axis| {
         let (from, target) = (from[axis], root(targets[axis]));
-        let is_up = target > from;
-        let mut step = share(own.left[axis] / least_squares[axis], is_up) * (target - from);
-        if is_up && step < steps[axis] {
-            step = steps[axis];
-            if from + step > target {
-                return target;
-            }
+        if !(target > from) {
+            return target + kept(own, axis) * (from - target);
         }
-        from + step
+        let gain = UPWARDS * own.left[axis] / least_squares[axis];
+        let mut step = if gain < 1.0 {
+            gain * (target - from)
+        } else {
+            target - from
+        };
+        if step < steps[axis] {
+            step = steps[axis];
+        }
+        if from + step > target {
+            target
+        } else {
+            from + step
+        }
     })
+}
+
+/// What an update leaves of an error that was in the position before, at most: the root of what it leaves of
+/// the variance.
+fn kept(own: &OwnVariances, axis: usize) -> f64 {
+    let (left, taken) = (own.left[axis], own.taken[axis]);
+    let share = left / (left + taken);
+    if share < 1.0 { root(share) } else { 1.0 }
 }
 
 /// What an update may move a position by, whatever the satellites, m.
 fn steps(ratio: f64, own: &OwnVariances) -> Sigmas {
     own.taken.map(|taken| GROWTH * libm::sqrt(ratio * taken))
-}
-
-/// Share of the way in one epoch. A gain that is no number goes all the way up and none down.
-fn share(gain: f64, upwards: bool) -> f64 {
-    let (factor, otherwise) = if upwards {
-        (UPWARDS, 1.0)
-    } else {
-        (DOWNWARDS, 0.0)
-    };
-    let share = factor * gain;
-    if share >= 0.0 && share <= 1.0 {
-        share
-    } else if share > 1.0 {
-        1.0
-    } else {
-        otherwise
-    }
 }
 
 /// The separation of two filters: at once up to the least squares, and down as the filters forget; never
@@ -581,11 +579,9 @@ fn separated(
     let steps = steps(ratio, own);
     core::array::from_fn(|axis| {
         let (from, target) = (from[axis], target[axis]);
-        let moved = match whole.map(Subset::own) {
+        let moved = match whole {
             _ if target >= from => target,
-            Some(least_squares) => {
-                from + share(own.left[axis] / least_squares[axis], false) * (target - from)
-            }
+            Some(_) => target + kept(own, axis) * (from - target),
             // Some satellites move both filters, not alike.
             None => from + steps[axis],
         };

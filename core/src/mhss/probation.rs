@@ -110,6 +110,7 @@ mod tests {
     use super::*;
     use crate::gnss::System;
 
+    /// INT-031.
     #[test]
     fn a_satellite_is_taken_back_after_it_agreed_without_a_break() {
         let satellite = Satellite::new(System::Gps, 4).unwrap();

@@ -329,6 +329,7 @@ mod tests {
         assert!((v.unwrap() - 2.0 * 5.327).abs() < 0.01);
     }
 
+    /// INT-030.
     #[test]
     fn the_risk_of_a_level_is_within_the_budget_and_near_it() {
         let modes = [(4.0, 1.5, 1e-5), (7.0, 1.2, 1e-5), (3.0, 4.0, 1e-4)];
@@ -368,6 +369,7 @@ mod tests {
         assert!(h.unwrap() < 6.0);
     }
 
+    /// INT-030.
     #[test]
     fn a_budget_that_is_spent_gives_no_level() {
         assert_eq!(of(&budget(1e-7, 1.0), 1.0, &[], 1e-7), [None; 2]);

@@ -15,10 +15,14 @@ use super::bank::{Bank, BankRow, MAX_BANK};
 use super::least_squares::{MIN_LEFT, Normals, POSITION, dot, whitened};
 use crate::consts::MAX_SATELLITES;
 use crate::gnss::Satellite;
+use crate::time::{GpsTime, NS_PER_S};
 
 /// By how much more than a satellite in the bank one outside must be worth to take its place.
 pub const SWAP_FACTOR: f64 = 2.0;
 
+/// How long a satellite that is missing keeps its place when others wait, ns: as long as an obstruction may
+/// hide it.
+const PATIENCE_NS: i64 = 60 * NS_PER_S;
 /// A position gain below this is none, m²: a satellite alone on its clock.
 const NO_GAIN_M2: f64 = 1.0e-12;
 
@@ -29,6 +33,7 @@ const NO_GAIN_M2: f64 = 1.0e-12;
 pub fn select<const K: usize, const M: usize>(
     bank: &Bank<K, M>,
     rows: &mut Vec<BankRow<M>, MAX_SATELLITES>,
+    now: GpsTime,
     may_swap: bool,
 ) -> Option<Satellite> {
     let is_waiting =
@@ -53,7 +58,9 @@ pub fn select<const K: usize, const M: usize>(
     if bank.len() < MAX_BANK {
         return None;
     }
-    if let Some(held) = bank.missing_longest() {
+    if let Some((held, since)) = bank.missing_longest()
+        && now.ns().saturating_sub(since.ns()) >= PATIENCE_NS
+    {
         return Some(held);
     }
     let of_members = |has_place: bool| {

@@ -375,7 +375,7 @@ impl TightMonitor {
         let may_swap = recording
             .last_swap
             .is_none_or(|last| place.time.ns().saturating_sub(last.ns()) >= SWAP_INTERVAL_NS);
-        if let Some(leaving) = selection::select(bank, rows, may_swap)
+        if let Some(leaving) = selection::select(bank, rows, place.time, may_swap)
             && let Some(left) = bank.evict(leaving, main, sub, secondaries)
         {
             recording.correlated.exclude(left);

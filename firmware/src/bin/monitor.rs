@@ -7,7 +7,7 @@
 //! | `idle` | 0 | sends the log, sleeps |
 //!
 //! After an end-of-stream frame the counters and an end-of-stream frame go out; the application then
-//! waits for more bytes.
+//! waits for more bytes; in real time on the emulated board it resets, which ends the emulator.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(not(target_os = "none"))]
@@ -16,7 +16,7 @@ fn main() {}
 #[cfg(target_os = "none")]
 #[rtic::app(device = surefix_firmware::board, peripherals = false)]
 mod app {
-    use surefix_firmware::board::memory::{Memory, RECEIVED};
+    use surefix_firmware::board::memory::{ARRIVED, Memory, RECEIVED};
     use surefix_firmware::board::{self, Interrupt, Ports, log};
     use surefix_firmware::fault;
     use surefix_firmware::worker::Worker;
@@ -54,6 +54,7 @@ mod app {
             RECEIVED.add_lost(1);
         }
         while let Some(byte) = receiver.take() {
+            ARRIVED.note(RECEIVED.written(), RECEIVED.is_empty(), board::ticks);
             RECEIVED.push(byte);
         }
         rtic::pend(Interrupt::WORKER);
@@ -69,6 +70,10 @@ mod app {
         let mut log_sender = log::LogSender::start();
         loop {
             log_sender.drain();
+            #[cfg(feature = "real-time")]
+            if surefix_firmware::worker::has_ended() {
+                cortex_m::peripheral::SCB::sys_reset();
+            }
             // With interrupts masked one that comes after the check still ends the sleep.
             cortex_m::interrupt::free(|_| {
                 if log::is_empty() {

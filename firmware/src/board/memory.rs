@@ -1,5 +1,6 @@
 //! The large statics, and where they lie.
 
+use crate::arrivals::{Arrivals, EVERY};
 use crate::ring::Ring;
 use static_cell::ConstStaticCell;
 use surefix_core::bank_report::BankReport;
@@ -11,6 +12,9 @@ pub const RECEIVED_CAPACITY: usize = 16384;
 
 /// Receiver bytes between interrupt and worker.
 pub static RECEIVED: Ring<RECEIVED_CAPACITY> = Ring::empty();
+
+/// When they came.
+pub static ARRIVED: Arrivals<{ RECEIVED_CAPACITY / EVERY as usize }> = Arrivals::empty();
 
 /// All state of surefix but the filters of the bank; one task takes it.
 // SAFETY: the section is a data section that the board fills before `main` (h743/start.rs).

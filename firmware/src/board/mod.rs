@@ -8,6 +8,8 @@
 //! | `Transmitter` | bytes out, waiting for room |
 //! | `Acknowledge` | tells a sender that honours it how much was taken |
 //! | `Cycles` | the cycle counter handed to core |
+//! | `ticks()`, `ticks_per_second()` | a clock for the age of answers, wraps; no rate where time is not kept |
+//! | `BAUD` | speed of the line on which answers leave |
 //! | `emergency_output()` | the output port for handlers that never return |
 
 #[cfg(feature = "board-mps2")]

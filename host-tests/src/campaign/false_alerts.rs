@@ -58,10 +58,16 @@ pub fn cases() -> Vec<Case> {
         .map(Correlation::GaussMarkov)
         .into_iter()
         .chain([Correlation::Constant]);
-    let taken_for_white = slow.map(|correlation| Case {
+    let taken_for_white = slow.clone().map(|correlation| Case {
         noise: NoiseModel::correlated(correlation),
         bank: BankModel::White,
     });
+    let bounded = core::iter::once(NoiseModel::WHITE)
+        .chain(slow.map(NoiseModel::correlated))
+        .map(|noise| Case {
+            noise,
+            bank: BankModel::PRODUCT,
+        });
     let inflated = TAUS_S[..3].iter().map(|tau_s| Case {
         noise: NoiseModel::correlated(Correlation::GaussMarkov(*tau_s)),
         bank: BankModel::Inflated { tau_s: *tau_s },
@@ -73,6 +79,7 @@ pub fn cases() -> Vec<Case> {
     core::iter::once(white)
         .chain(taken_for_white)
         .chain(inflated)
+        .chain(bounded)
         .collect()
 }
 
@@ -99,15 +106,18 @@ pub struct RunRecord {
 
 /// A flight with its satellites.
 #[derive(Debug)]
-struct Place {
-    flown: Flown,
-    satellites: [Vec<Satellite>; SATELLITES.len()],
+pub struct Place {
+    /// The truth.
+    pub flown: Flown,
+    /// Of each number of satellites, spread over the sky.
+    pub satellites: [Vec<Satellite>; SATELLITES.len()],
 }
 
 /// The campaign.
 pub struct FalseAlerts {
     seed: u64,
-    places: Vec<Place>,
+    /// Where its runs fly.
+    pub places: Vec<Place>,
     rig: Rig<2, 8>,
 }
 
@@ -143,6 +153,53 @@ fn place(random: &mut ChaCha8Rng) -> Place {
     }
 }
 
+impl FalseAlerts {
+    /// The runs of a trial in some cases.
+    ///
+    /// # Errors
+    /// As [`Trial::fly`].
+    pub fn fly(&mut self, number: u64, cases: &[Case]) -> Result<Vec<RunRecord>> {
+        let place = &self.places[(number % FLIGHTS) as usize];
+        let mut records = Vec::new();
+        for (satellites, n) in place.satellites.iter().zip(SATELLITES) {
+            for case in cases {
+                let mut setup = RigSetup::seed(Grade::Tactical);
+                setup.exclude = false;
+                setup.model = case.bank;
+                setup.risks = Risks {
+                    p_fa: P_FA.to_vec(),
+                    ..Risks::seed()
+                };
+                let seed = self.seed.wrapping_add(number + 1);
+                let mut trial = Trial::new(&place.flown, satellites, setup, seed);
+                trial.noise = case.noise;
+                records.push(run(&mut self.rig, &trial, n, case)?);
+            }
+        }
+        Ok(records)
+    }
+
+    /// So many runs of some cases.
+    ///
+    /// # Errors
+    /// As [`Trial::fly`].
+    pub fn runs(seed: u64, trials: u64, cases: &[Case]) -> Result<Outcome<RunRecord>> {
+        let mut campaign = Self::prepare(seed, trials)?;
+        let mut records = Vec::new();
+        for number in 0..trials {
+            let of = campaign.fly(number, cases)?;
+            records.extend(of.into_iter().map(|record| (number, record)));
+        }
+        Ok(Outcome {
+            campaign: Self::NAME.into(),
+            seed,
+            trials,
+            shards: vec![(0, 1)],
+            records,
+        })
+    }
+}
+
 impl Campaign for FalseAlerts {
     const NAME: &'static str = "false-alerts";
     const TRIALS: u64 = 4000;
@@ -160,28 +217,11 @@ impl Campaign for FalseAlerts {
     }
 
     fn piece(&mut self, number: u64) -> Result<Vec<RunRecord>> {
-        let place = &self.places[(number % FLIGHTS) as usize];
         let mut cases = cases();
         if !number.is_multiple_of(EVERY) {
             cases.truncate(1);
         }
-        let mut records = Vec::new();
-        for (satellites, n) in place.satellites.iter().zip(SATELLITES) {
-            for case in &cases {
-                let mut setup = RigSetup::seed(Grade::Tactical);
-                setup.exclude = false;
-                setup.model = case.bank;
-                setup.risks = Risks {
-                    p_fa: P_FA.to_vec(),
-                    ..Risks::seed()
-                };
-                let seed = self.seed.wrapping_add(number + 1);
-                let mut trial = Trial::new(&place.flown, satellites, setup, seed);
-                trial.noise = case.noise;
-                records.push(run(&mut self.rig, &trial, n, case)?);
-            }
-        }
-        Ok(records)
+        self.fly(number, &cases)
     }
 
     fn report(outcome: &Outcome<RunRecord>) -> String {

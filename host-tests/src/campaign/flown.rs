@@ -71,7 +71,7 @@ impl Flown {
         );
         let samples = (plan.duration_s * plan.rate_hz) as usize;
         // Without noise: the seed is of no consequence.
-        let mut measurer = Measurer::new(start, 0, true, &[], &[]);
+        let mut measurer = Measurer::new(start, 0, true, false, &[], &[]);
         let epochs = (0..=plan.duration_s)
             .map(|second| {
                 let t_s = f64::from(second);

@@ -17,10 +17,12 @@ pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod monte_carlo;
 pub mod outcome;
 pub mod recording_faults;
 pub mod rig;
 pub mod seed_ramp;
+pub mod seed_sweep;
 pub mod sky;
 pub mod steps;
 pub mod trial;
@@ -111,6 +113,8 @@ pub fn run(args: &Args) -> Result<()> {
         name => name.to_owned(),
     };
     if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+        || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
+        || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
     {
         return Ok(());

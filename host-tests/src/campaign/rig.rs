@@ -4,11 +4,11 @@
 //! clocks, the risks and the bank's noise model as arguments. Several false-alert probabilities can be
 //! tested at once; the first decides what is excluded.
 
-use anyhow::{Result, anyhow};
-use nalgebra::Vector3;
+use anyhow::{Context, Result, anyhow};
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use surefix_core::ekf::layout::FIRST_OFFSET;
-use surefix_core::ekf::{AntennaState, MeasurementRow, Navigator};
+use surefix_core::ekf::{AntennaState, Filter, MeasurementRow, Navigator};
 use surefix_core::frames::geodesy;
 use surefix_core::gnss::{CorrectedMeasurement, Satellite, System};
 use surefix_core::ins::mechanisation::Increment;
@@ -16,6 +16,8 @@ use surefix_core::ins::{
     AttitudeStart, ClockNoise, InertialConfig, InitialSigma, InitialState, MeasurementFactors,
     SensorRange,
 };
+use surefix_core::mhss::bank::{Explanation, PostfitLimits};
+use surefix_core::mhss::correlated::{CorrelatedBound, CorrelatedRow};
 use surefix_core::mhss::{
     Bank, BankEpoch, BankRow, BankVerdict, Criterion, Secondaries, SeparationQuantiles, SubFilters,
 };
@@ -26,6 +28,13 @@ use crate::simulate::inertial::sensors::Grade;
 
 /// First sigma of the clock offset of a further constellation, m.
 const SIGMA_OFFSET_M: f64 = 3000.0;
+
+/// How long all filters hold the same after two satellites or a constellation were excluded, ns: as the
+/// product has it.
+const BLIND_NS: i64 = 120 * NS_PER_S;
+
+/// Probability that the residuals of rows without a fault do not fit.
+const P_POSTFIT: f64 = 1e-3;
 
 /// What the bank takes pseudorange errors for.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,14 +48,30 @@ pub enum BankModel {
         /// Correlation time assumed, s.
         tau_s: f64,
     },
+    /// A white part, and one that is correlated over any time: core's [`CorrelatedBound`].
+    Bounded {
+        /// Variance taken for white, over that of the sigma given.
+        white: f64,
+        /// Variance taken for correlated, over the same.
+        correlated: f64,
+    },
 }
 
 impl BankModel {
+    /// What the product takes them for: the whole variance both white and correlated.
+    pub const PRODUCT: Self = Self::Bounded {
+        white: 1.0,
+        correlated: 1.0,
+    };
+
     /// For tables.
     pub fn name(self) -> String {
         match self {
             Self::White => "white".into(),
             Self::Inflated { tau_s } => format!("R (1 + 2 {tau_s} s/1 s)"),
+            Self::Bounded { white, correlated } => {
+                format!("white {white} σ², bounded {correlated} σ²")
+            }
         }
     }
 
@@ -55,6 +80,15 @@ impl BankModel {
         match self {
             Self::White => 1.0,
             Self::Inflated { tau_s } => libm::sqrt(1.0 + 2.0 * tau_s),
+            Self::Bounded { white, .. } => libm::sqrt(white),
+        }
+    }
+
+    /// Variance of the correlated part over that of the white one, where there is a bound.
+    fn ratio(self) -> Option<f64> {
+        match self {
+            Self::White | Self::Inflated { .. } => None,
+            Self::Bounded { white, correlated } => Some(correlated / white),
         }
     }
 }
@@ -98,6 +132,10 @@ pub struct RigSetup {
     pub model: BankModel,
     /// Spectral density of the offsets between constellations, m²/s.
     pub inter_system_psd: f64,
+    /// Have a filter without each constellation.
+    pub constellations: bool,
+    /// Look for two satellites or a constellation where no single satellite explains a failed test.
+    pub explain: bool,
 }
 
 impl RigSetup {
@@ -111,6 +149,8 @@ impl RigSetup {
             hold_s: 0,
             model: BankModel::White,
             inter_system_psd: 0.0,
+            constellations: false,
+            explain: false,
         }
     }
 
@@ -157,7 +197,9 @@ pub struct RigEpoch {
     /// One verdict per false-alert probability, all before the exclusion.
     pub verdicts: Vec<BankVerdict>,
     /// Excluded at this epoch.
-    pub excluded: Option<Satellite>,
+    pub excluded: Option<Explanation>,
+    /// All filters are copies since an exclusion: no separation tests anything.
+    pub blind: bool,
     /// Where the antenna is believed to be, after it.
     pub r_e_m: [f64; 3],
 }
@@ -168,11 +210,12 @@ pub struct Rig<const K: usize, const M: usize> {
     bank: Box<Bank<K, M>>,
     sub: Box<SubFilters<K, M>>,
     secondaries: Box<Secondaries<K, M>>,
+    main: Box<Filter<K, M>>,
+    bound: Box<CorrelatedBound>,
     quantiles: Vec<SeparationQuantiles>,
-    vertical: bool,
-    exclude: bool,
-    hold_ns: i64,
-    factor: f64,
+    limits: PostfitLimits,
+    setup: Option<RigSetup>,
+    blind_since: Option<GpsTime>,
 }
 
 /// The clock column of a constellation: GPS has none of its own.
@@ -199,11 +242,12 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             bank: Box::new(Bank::EMPTY),
             sub: Box::new(SubFilters::EMPTY),
             secondaries: Box::new(Secondaries::EMPTY),
+            main: Box::new(Filter::EMPTY),
+            bound: Box::new(CorrelatedBound::NONE),
             quantiles: Vec::new(),
-            vertical: false,
-            exclude: false,
-            hold_ns: 0,
-            factor: 1.0,
+            limits: PostfitLimits::EMPTY,
+            setup: None,
+            blind_since: None,
         }
     }
 
@@ -221,10 +265,13 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         let quantiles: Result<Vec<_>, _> = setup.risks.p_fa.iter().map(fill).collect();
         self.quantiles =
             quantiles.map_err(|error| anyhow!("the risks give no quantile: {error:?}"))?;
-        self.vertical = setup.vertical;
-        self.exclude = setup.exclude;
-        self.hold_ns = setup.hold_s * NS_PER_S;
-        self.factor = setup.model.factor();
+        self.limits
+            .fill(P_POSTFIT)
+            .map_err(|error| anyhow!("no limits of residuals: {error:?}"))?;
+        self.setup = Some(setup.clone());
+        // What the start is off by is not of the satellites.
+        self.bound
+            .start(setup.model.ratio().unwrap_or(0.0), [0.0; 2]);
         self.navigator
             .start(&setup.config(rate_hz), state)
             .map_err(|error| anyhow!("the navigator does not start: {error:?}"))?;
@@ -232,6 +279,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             self.navigator.reset_clock(column, 0.0, SIGMA_OFFSET_M);
         }
         self.bank.clear();
+        self.blind_since = None;
         Ok(())
     }
 
@@ -240,66 +288,93 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         self.navigator.step(increment, time);
     }
 
-    fn rows(&self, measured: &[CorrectedMeasurement], at: &AntennaState<K>) -> Vec<BankRow<M>> {
-        let row = |measurement: &CorrectedMeasurement| {
-            let mut measurement = *measurement;
-            measurement.sigma_pseudorange_m *= self.factor;
-            let satellite = measurement.satellite;
-            let offset = offset_of::<K>(satellite.system());
-            MeasurementRow::new(&measurement, at.r_e_m, at.v_e_mps, &at.clock, offset)
-                .map(|row| BankRow { satellite, row })
-        };
-        measured.iter().filter_map(row).collect()
-    }
-
     /// An epoch of the receiver.
     ///
     /// # Errors
-    /// When the position is none, or a filter finds itself unhealthy.
+    /// When the rig is not started, the position is none, or a filter finds itself unhealthy.
     pub fn epoch(&mut self, time: GpsTime, measured: &[CorrectedMeasurement]) -> Result<RigEpoch> {
-        let at = self.navigator.predict(time);
-        let rows = self.rows(measured, &at);
-        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m))
-            .map_err(|error| anyhow!("no position: {error:?}"))?;
-        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
         let Self {
             navigator,
             bank,
             sub,
             secondaries,
-            ..
+            main,
+            bound,
+            quantiles,
+            limits,
+            setup,
+            blind_since,
         } = self;
+        let setup = setup.as_ref().context("the rig is not started")?;
+        let at = navigator.predict(time);
+        let rows = rows(setup, measured, &at);
+        let llh = geodesy::to_llh(&Vector3::from(at.r_e_m))
+            .map_err(|error| anyhow!("no position: {error:?}"))?;
+        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
         bank.predict(navigator.transition(), sub, secondaries);
-        let mut main = navigator.filter().clone();
+        navigator.lend(main);
         let epoch = BankEpoch {
             time,
             rows: &rows,
-            hold_ns: self.hold_ns,
+            hold_ns: setup.hold_s * NS_PER_S,
         };
-        bank.admit(&epoch, &main, sub, secondaries, navigator.information_mut());
-        navigator.update_lent(&mut main);
-        bank.update(sub, secondaries);
-        // The first comes last: what the bank keeps of the tests is of the one that is acted on.
-        let mut verdicts: Vec<BankVerdict> = self
-            .quantiles
-            .iter()
-            .rev()
-            .map(|quantiles| {
-                let criterion = Criterion {
-                    quantiles,
-                    vertical: self.vertical,
-                    c_enu_e: &c_enu_e,
-                };
-                bank.test(&criterion, &main, sub, secondaries)
-            })
-            .collect();
-        verdicts.reverse();
-        let isolated = verdicts.first().and_then(|verdict| verdict.isolated);
-        let excluded = isolated.filter(|_| self.exclude);
-        if let Some(satellite) = excluded {
-            bank.exclude(satellite, &mut main, sub, secondaries);
+        bank.admit(&epoch, main, sub, secondaries, navigator.information_mut());
+        for place in bank.begun() {
+            bound.begin(place);
         }
-        navigator.take_back(&main);
+        if setup.constellations {
+            let begun = bank.monitor_constellations(main, sub);
+            for (constellation, _) in begun.iter().enumerate().filter(|(_, begins)| **begins) {
+                bound.begin_constellation(constellation);
+            }
+        }
+        navigator.update_lent(main);
+        bank.update(sub, secondaries);
+        if setup.constellations {
+            bank.update_constellations(sub);
+        }
+        let is_bounded = setup.model.ratio().is_some();
+        if is_bounded {
+            solve(bound, bank, &c_enu_e);
+        }
+        // The first comes last: what the bank keeps of the tests is of the one that is acted on. The bound
+        // goes on by each assessment; only the last counts.
+        let before = bound.clone();
+        let mut verdicts: Vec<BankVerdict> = Vec::new();
+        for quantiles in quantiles.iter().rev() {
+            let criterion = Criterion {
+                quantiles,
+                vertical: setup.vertical,
+                c_enu_e: &c_enu_e,
+            };
+            verdicts.push(if is_bounded {
+                bound.clone_from(&before);
+                bank.assess(&criterion, &mut **bound, main, sub, secondaries)
+            } else {
+                bank.test(&criterion, main, sub, secondaries)
+            });
+        }
+        verdicts.reverse();
+        let first = verdicts.first().context("no false-alert probability")?;
+        let mut excluded = first.isolated.map(Explanation::One);
+        if setup.explain && first.detected && excluded.is_none() {
+            excluded = bank.explain(limits, setup.vertical, sub, secondaries);
+        }
+        let excluded = excluded.filter(|_| setup.exclude);
+        if let Some(explanation) = excluded {
+            if !matches!(explanation, Explanation::One(_)) {
+                *blind_since = Some(time);
+            }
+            leave_out(explanation, bound, bank);
+            match explanation {
+                Explanation::One(satellite) => bank.exclude(satellite, main, sub, secondaries),
+                Explanation::Two(two) => bank.exclude_two(two, main, sub, secondaries),
+                Explanation::Constellation(system) => {
+                    bank.exclude_constellation(system, main, sub, secondaries)
+                }
+            };
+        }
+        navigator.take_back(main);
         let correction = navigator
             .finish()
             .map_err(|error| anyhow!("the filter is unhealthy: {error:?}"))?;
@@ -307,6 +382,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         Ok(RigEpoch {
             verdicts,
             excluded,
+            blind: blind_since.is_some_and(|since| time.ns() - since.ns() < BLIND_NS),
             r_e_m: navigator.antenna(time).r_e_m,
         })
     }
@@ -314,5 +390,59 @@ impl<const K: usize, const M: usize> Rig<K, M> {
     /// The bank, with the tests of the last epoch.
     pub fn bank(&self) -> &Bank<K, M> {
         &self.bank
+    }
+}
+
+fn rows<const K: usize, const M: usize>(
+    setup: &RigSetup,
+    measured: &[CorrectedMeasurement],
+    at: &AntennaState<K>,
+) -> Vec<BankRow<M>> {
+    let factor = setup.model.factor();
+    let row = |measurement: &CorrectedMeasurement| {
+        let mut measurement = *measurement;
+        measurement.sigma_pseudorange_m *= factor;
+        let satellite = measurement.satellite;
+        let offset = offset_of::<K>(satellite.system());
+        MeasurementRow::new(&measurement, at.r_e_m, at.v_e_mps, &at.clock, offset)
+            .map(|row| BankRow { satellite, row })
+    };
+    measured.iter().filter_map(row).collect()
+}
+
+/// The least squares of the satellites present.
+fn solve<const K: usize, const M: usize>(
+    bound: &mut CorrelatedBound,
+    bank: &Bank<K, M>,
+    c_enu_e: &Matrix3<f64>,
+) {
+    let rows = bank.present().map(|(place, satellite, row)| CorrelatedRow {
+        place,
+        constellation: satellite.system().index(),
+        row,
+        common_m: 0.0,
+    });
+    bound.solve(rows, c_enu_e);
+}
+
+/// The bound follows an exclusion that the bank has yet to make.
+fn leave_out<const K: usize, const M: usize>(
+    explanation: Explanation,
+    bound: &mut CorrelatedBound,
+    bank: &Bank<K, M>,
+) {
+    let place_of = |satellite: Satellite| bank.place(satellite);
+    match explanation {
+        Explanation::One(satellite) => {
+            if let Some(place) = place_of(satellite) {
+                bound.exclude(place);
+            }
+        }
+        Explanation::Two([one, other]) => {
+            if let (Some(first), Some(second)) = (place_of(one), place_of(other)) {
+                bound.exclude_two(first, second);
+            }
+        }
+        Explanation::Constellation(system) => bound.exclude_constellation(system.index()),
     }
 }

@@ -14,7 +14,7 @@ use super::flown::{FlightPlan, Flown};
 use super::outcome::{Campaign, Outcome};
 use super::rig::{Rig, RigSetup};
 use super::sky;
-use super::trial::Trial;
+use super::trial::{Trial, left_out};
 use crate::faults::{FaultKind, FaultSpec};
 use crate::simulate::inertial::motion::Motion;
 use crate::simulate::inertial::sensors::Grade;
@@ -183,8 +183,10 @@ pub fn fly(rig: &mut OneClock, trial: &Trial<'_>, duration_s: usize) -> Result<F
         }
         if let Some(excluded) = epoch.excluded {
             record.isolation_s.get_or_insert(since_s);
-            record.right |= excluded == fault.satellite;
-            record.wrong |= excluded != fault.satellite;
+            for satellite in left_out(excluded, trial.satellites) {
+                record.right |= satellite == fault.satellite;
+                record.wrong |= satellite != fault.satellite;
+            }
         }
         if is_usable {
             record.largest_usable_error_m = record.largest_usable_error_m.max(error_m);

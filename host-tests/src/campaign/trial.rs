@@ -4,10 +4,11 @@ use anyhow::Result;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha20Rng;
 use rand_chacha::rand_core::SeedableRng;
-use surefix_core::gnss::{Satellite, SatelliteSet, System};
+use surefix_core::gnss::{Satellite, System};
 use surefix_core::ins::InitialState;
 use surefix_core::ins::mechanisation::Increment;
 use surefix_core::mhss::BankVerdict;
+use surefix_core::mhss::bank::Explanation;
 
 use super::errors::{CommonFault, Errors, NoiseModel};
 use super::flown::{Flown, Seen};
@@ -58,15 +59,18 @@ pub struct Scored {
     /// Whether a test failed, by false-alert probability.
     pub detected: Vec<bool>,
     /// What was excluded at this epoch.
-    pub excluded: Option<Satellite>,
+    pub excluded: Option<Explanation>,
+    /// All filters are copies since an exclusion.
+    pub blind: bool,
     /// All verdicts.
     pub verdicts: Vec<BankVerdict>,
 }
 
 impl Scored {
-    /// Whether a user may take the position: no test failed. At the epoch of an exclusion one did.
+    /// Whether a user may take the position: there are tests and none failed. At the epoch of an exclusion
+    /// one did.
     pub fn is_usable(&self) -> bool {
-        !self.detected[0]
+        !self.detected[0] && !self.blind
     }
 
     /// Largest error over its level, of the first `axes`.
@@ -174,6 +178,7 @@ impl<'a> Trial<'a> {
                     .map(|k| first.alerted_level_m[k].max(first.fault_free_m[k])),
                 detected: epoch.verdicts.iter().map(|v| v.detected).collect(),
                 excluded: epoch.excluded,
+                blind: epoch.blind,
                 verdicts: epoch.verdicts,
             };
             if !each(&scored, rig) {
@@ -184,12 +189,14 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// The names of satellites, joined by `+`, or `-`.
-pub fn names(satellites: &SatelliteSet) -> String {
-    let names: Vec<String> = satellites.iter().map(|s| s.to_string()).collect();
-    if names.is_empty() {
-        "-".into()
-    } else {
-        names.join("+")
+/// The satellites an explanation leaves out, of those used.
+pub fn left_out(explanation: Explanation, used: &[Satellite]) -> Vec<Satellite> {
+    match explanation {
+        Explanation::One(satellite) => vec![satellite],
+        Explanation::Two(two) => two.to_vec(),
+        Explanation::Constellation(system) => {
+            let of_it = used.iter().filter(|s| s.system() == system);
+            of_it.copied().collect()
+        }
     }
 }

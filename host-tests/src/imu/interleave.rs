@@ -101,7 +101,7 @@ impl<'a> Pending<'a> {
 }
 
 /// Where the frames of a stream are: every position is tried until one passes its checksum.
-fn frames(bytes: &[u8]) -> Vec<Range<usize>> {
+pub(crate) fn frames(bytes: &[u8]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut start = 0;
     while let Some(rest) = bytes.get(start..).filter(|rest| !rest.is_empty()) {

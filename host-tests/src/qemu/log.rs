@@ -15,6 +15,26 @@ use super::QemuError;
 /// Lines kept for error messages and tests.
 const KEPT: usize = 200;
 
+/// Decodes a whole log.
+pub fn decode(elf: &Path, bytes: &[u8]) -> Vec<String> {
+    let table = std::fs::read(elf)
+        .ok()
+        .and_then(|image| Table::parse(&image).ok().flatten());
+    let Some(table) = table else {
+        return vec!["(the log cannot be decoded)".to_owned()];
+    };
+    let mut decoder = table.new_stream_decoder();
+    decoder.received(bytes);
+    let mut lines = Vec::new();
+    loop {
+        match decoder.decode() {
+            Ok(frame) => lines.push(frame.display(false).to_string()),
+            Err(DecodeError::UnexpectedEof) => return lines,
+            Err(DecodeError::Malformed) => lines.push("(a torn log frame)".to_owned()),
+        }
+    }
+}
+
 /// The log of a running board.
 pub struct Log {
     lines: Arc<Mutex<VecDeque<String>>>,

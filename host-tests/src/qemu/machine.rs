@@ -161,7 +161,7 @@ impl Drop for Machine {
 }
 
 /// A folder of our own with a short path: socket paths end at about 100 bytes.
-fn fresh_folder() -> std::io::Result<PathBuf> {
+pub(super) fn fresh_folder() -> std::io::Result<PathBuf> {
     static NEXT: AtomicU64 = AtomicU64::new(0);
     let long = std::env::temp_dir();
     let base = if long.as_os_str().len() > 60 {

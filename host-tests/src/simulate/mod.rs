@@ -85,6 +85,10 @@ pub struct Command {
     /// Inertial samples per second: 50 to 400, 100 unless told otherwise.
     #[arg(long, alias = "rate", value_name = "HZ")]
     imu_rate_hz: Option<u32>,
+    /// Galileo too in a flight with an inertial unit, which has GPS and BDS: 26 satellites and more in
+    /// place of 20
+    #[arg(long)]
+    galileo: bool,
 }
 
 /// What a simulation produced.
@@ -343,6 +347,7 @@ impl Command {
             gnss_rate_hz: whole("--rate-hz", args.rate_hz)?,
             duration_s: args.duration.map(|d| whole("--duration", d)).transpose()?,
             noise_free: args.noise_free,
+            galileo: self.galileo,
             faults: args.faults.clone(),
             ..inertial::Request::new(args.name, args.seed)
         })

@@ -291,13 +291,6 @@ pub fn initial_state(ms: i64) -> Vec<u8> {
     frame(|out| encode_initial_state(&state, out).unwrap())
 }
 
-/// Horizontal and vertical way between two reported positions, m.
-pub fn way_m(a: &Row, b: &Row) -> [f64; 2] {
-    let r_e = |row: &Row| Vector3::from(row.report.fix.unwrap().r_e_m);
-    let way = to_e().1.transpose() * (r_e(a) - r_e(b));
-    [way.x.hypot(way.y), way.z.abs()]
-}
-
 /// Sample number `k`, from 1 on.
 pub fn sample(k: i64) -> ImuSample {
     let dt_s = STEP_MS as f64 / 1000.0;

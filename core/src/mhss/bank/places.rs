@@ -15,17 +15,17 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.place_of(satellite).is_some()
     }
 
-    /// The satellite that has been missing longest, if one is held.
-    pub fn missing_longest(&self) -> Option<Satellite> {
-        let mut longest: Option<(GpsTime, Satellite)> = None;
+    /// The satellite that has been missing longest, and since when, if one is held.
+    pub fn missing_longest(&self) -> Option<(Satellite, GpsTime)> {
+        let mut longest: Option<(Satellite, GpsTime)> = None;
         for member in &self.members {
             if let Some(since) = member.missing_since
-                && longest.is_none_or(|(earliest, _)| since.ns() < earliest.ns())
+                && longest.is_none_or(|(_, earliest)| since.ns() < earliest.ns())
             {
-                longest = Some((since, member.satellite));
+                longest = Some((member.satellite, since));
             }
         }
-        longest.map(|(_, satellite)| satellite)
+        longest
     }
 
     /// Takes a satellite's place away without calling it faulty: F00 ← F0n, so that no filter holds anything

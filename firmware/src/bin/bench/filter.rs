@@ -49,8 +49,9 @@ static THREE_CLOCKS: ConstStaticCell<Bank<3, 9>> = ConstStaticCell::new(Bank::EM
 static FOUR_CLOCKS: ConstStaticCell<Bank<4, 10>> = ConstStaticCell::new(Bank::EMPTY);
 static PEERS: ConstStaticCell<dense::Peers> = ConstStaticCell::new(dense::Peers::EMPTY);
 
-/// Measures the filter and its peers and prints their rows.
-pub fn all() {
+/// Measures the filter and its peers and prints their rows; gives the transition they were carried over.
+#[inline(never)]
+pub fn all() -> &'static Transition {
     let (process, workspace) = (PROCESS.take(), PREDICT.take());
     let mut random = Random::new(4);
     let transition = epoch(&mut random, process);
@@ -59,9 +60,11 @@ pub fn all() {
     rows(&mut random, THREE_CLOCKS.take(), transition, workspace);
     rows(&mut random, FOUR_CLOCKS.take(), transition, workspace);
     peers(&mut random, two, transition, workspace);
+    transition
 }
 
 /// A second of samples in straight flight, with a lever arm.
+#[inline(never)]
 fn epoch<'a>(random: &mut Random, process: &'a mut ProcessAccumulator) -> &'a Transition {
     let c_e_b = sky::attitude(random);
     let lever = LeverState::new(
@@ -88,6 +91,7 @@ fn epoch<'a>(random: &mut Random, process: &'a mut ProcessAccumulator) -> &'a Tr
 }
 
 /// Prediction, information and update with K clock states.
+#[inline(never)]
 fn rows<const K: usize, const M: usize>(
     random: &mut Random,
     bank: &mut Bank<K, M>,
@@ -191,6 +195,7 @@ fn take<const K: usize, const M: usize>(random: &mut Random, bank: &mut Bank<K, 
 }
 
 /// The same prediction and the same rows by other means.
+#[inline(never)]
 fn peers(
     random: &mut Random,
     bank: &mut Bank<2, 8>,
@@ -257,7 +262,7 @@ fn put(m: &mut dense::Matrix, row: usize, column: usize, block: &Block) {
     }
 }
 
-fn dense_transition(transition: &Transition) -> dense::Matrix {
+pub fn dense_transition(transition: &Transition) -> dense::Matrix {
     let mut m = dense::ZERO;
     for (i, row) in m.iter_mut().enumerate() {
         row[i] = 1.0;
@@ -275,13 +280,13 @@ fn dense_transition(transition: &Transition) -> dense::Matrix {
 }
 
 /// Q as the covariance of a filter that starts certain and is moved once.
-fn dense_noise(transition: &Transition, workspace: &mut PredictWorkspace) -> dense::Matrix {
+pub fn dense_noise(transition: &Transition, workspace: &mut PredictWorkspace) -> dense::Matrix {
     let mut filter = Filter::<2, 8>::EMPTY;
     filter.predict(transition, workspace);
     dense_covariance(&filter)
 }
 
-fn dense_covariance(filter: &Filter<2, 8>) -> dense::Matrix {
+pub fn dense_covariance(filter: &Filter<2, 8>) -> dense::Matrix {
     let mut m = dense::ZERO;
     for row in 0..BLOCKS {
         for column in 0..BLOCKS {
@@ -300,7 +305,7 @@ fn dense_covariance(filter: &Filter<2, 8>) -> dense::Matrix {
     m
 }
 
-fn dense_state(filter: &Filter<2, 8>) -> [f64; STATES] {
+pub fn dense_state(filter: &Filter<2, 8>) -> [f64; STATES] {
     let state = filter.state();
     let mut x = [0.0; STATES];
     for (x, entry) in x
@@ -312,7 +317,7 @@ fn dense_state(filter: &Filter<2, 8>) -> [f64; STATES] {
     x
 }
 
-fn dense_row(design: &[f64; 8]) -> [f64; STATES] {
+pub fn dense_row(design: &[f64; 8]) -> [f64; STATES] {
     let mut h = [0.0; STATES];
     h[..6].copy_from_slice(&design[..6]);
     h[CLOCKS..].copy_from_slice(&design[6..]);

@@ -4,7 +4,7 @@
 //! 25 MHz timer counts instructions exactly, the same in every run. Each row is the median and the
 //! worst of several skies, one line over semihosting, `-` where there is nothing:
 //!
-//! `row stage n_sats n_states filters instr_median instr_worst stack_b pass`
+//! `row stage n_sats n_states filters instr_median instr_worst stack_b ram_b pass`
 //!
 //! `n_states` is the number of unknowns, three of position and one per constellation; `pass` counts
 //! the measured pieces of work from 0 over all rows and names the median one.
@@ -13,7 +13,11 @@
 #[cfg(target_os = "none")]
 mod araim;
 #[cfg(target_os = "none")]
+mod bank;
+#[cfg(target_os = "none")]
 mod dense;
+#[cfg(target_os = "none")]
+mod dense_bank;
 #[cfg(target_os = "none")]
 mod filter;
 #[cfg(target_os = "none")]
@@ -22,6 +26,8 @@ mod inertial;
 mod measure;
 #[cfg(target_os = "none")]
 mod messages;
+#[cfg(target_os = "none")]
+mod risk;
 #[cfg(target_os = "none")]
 mod sky;
 #[cfg(target_os = "none")]
@@ -39,7 +45,8 @@ fn main() -> ! {
     surefix_firmware::board::start();
     stages::all();
     inertial::all();
-    filter::all();
+    let transition = filter::all();
+    bank::all(transition);
     araim::all();
     loop {
         debug::exit(debug::EXIT_SUCCESS);

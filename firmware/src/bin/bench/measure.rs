@@ -20,6 +20,38 @@ pub fn count(work: impl FnOnce()) -> u32 {
     instructions(u64::from(end.wrapping_sub(empty).wrapping_sub(overhead))) as u32
 }
 
+/// One measured piece of work.
+#[derive(Clone, Copy)]
+pub struct Pass {
+    instructions: u32,
+    /// Its number over all rows.
+    number: u32,
+    stack_b: usize,
+}
+
+/// Measures one run of `work` in place of whatever it returns.
+pub fn pass(work: impl FnOnce()) -> Pass {
+    static PASSES: AtomicU32 = AtomicU32::new(0);
+    let number = PASSES.load(Ordering::Relaxed);
+    PASSES.store(number + 1, Ordering::Relaxed);
+    let mut instructions = 0;
+    let stack_b = stack::bytes_used_by(|| instructions = count(work));
+    Pass {
+        instructions,
+        number,
+        stack_b,
+    }
+}
+
+/// What a row is about besides its stage; `None` is printed as a dash.
+#[derive(Clone, Copy, Default)]
+pub struct Of {
+    pub n_sats: Option<usize>,
+    pub n_states: Option<usize>,
+    pub filters: Option<usize>,
+    pub ram_b: Option<usize>,
+}
+
 /// The figures of one row while they are gathered.
 pub struct Row {
     /// Instructions, and the number of the pass over all rows.
@@ -38,22 +70,34 @@ impl Row {
         }
     }
 
-    /// Measures one run of `work` in place of whatever it returns.
+    /// Measures one run of `work` for this row.
     pub fn run(&mut self, work: impl FnOnce()) {
-        static PASSES: AtomicU32 = AtomicU32::new(0);
-        let pass = PASSES.load(Ordering::Relaxed);
-        PASSES.store(pass + 1, Ordering::Relaxed);
-        let mut counted = 0;
-        let stack_b = stack::bytes_used_by(|| counted = count(work));
-        self.stack_b = self.stack_b.max(stack_b);
+        self.add(pass(work));
+    }
+
+    /// Adds what was measured.
+    pub fn add(&mut self, pass: Pass) {
+        self.stack_b = self.stack_b.max(pass.stack_b);
         if let Some(place) = self.counts.get_mut(self.filled) {
-            *place = (counted, pass);
+            *place = (pass.instructions, pass.number);
             self.filled += 1;
         }
     }
 
     /// Prints the row.
-    pub fn print(mut self, stage: &str, n_sats: Option<usize>, n_unknowns: Option<usize>) {
+    pub fn print(self, stage: &str, n_sats: Option<usize>, n_states: Option<usize>) {
+        self.print_of(
+            stage,
+            &Of {
+                n_sats,
+                n_states,
+                ..Of::default()
+            },
+        );
+    }
+
+    /// Prints the row of a number of filters.
+    pub fn print_of(mut self, stage: &str, of: &Of) {
         let counts = &mut self.counts[..self.filled];
         counts.sort_unstable();
         let (Some((median, pass)), Some((worst, _))) =
@@ -61,15 +105,16 @@ impl Row {
         else {
             return;
         };
-        let stack_b = self.stack_b;
         hprintln!(
-            "row {} {} {} - {} {} {} {}",
+            "row {} {} {} {} {} {} {} {} {}",
             stage,
-            Dash(n_sats),
-            Dash(n_unknowns),
+            Dash(of.n_sats),
+            Dash(of.n_states),
+            Dash(of.filters),
             median,
             worst,
-            stack_b,
+            self.stack_b,
+            Dash(of.ram_b),
             pass
         );
     }

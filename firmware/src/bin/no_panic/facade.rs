@@ -174,7 +174,9 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::store, &monitor);
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
     call1(Monitor::tight, &monitor);
-    let report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
+    call1(Monitor::epoch_interval_ns, &monitor);
+    let mut report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
+    call2(Monitor::miss_deadline, &mut monitor, &mut report);
     call2(report::encode, &report, out);
     let (mut fast, mut secondaries) = (MonitorFastFilters::EMPTY, MonitorSecondaries::EMPTY);
     let report = Monitor::process_with(

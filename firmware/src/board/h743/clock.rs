@@ -89,6 +89,20 @@ pub(super) fn start(chip: &Peripherals) {
     while clocks.cfgr().read().sws().bits() != 3 {}
 }
 
+/// CPU clock, Hz.
+const CPU_HZ: u32 = 480_000_000;
+
+/// CPU cycles, modulo 2³²: nine seconds.
+#[inline]
+pub fn ticks() -> u32 {
+    DWT::cycle_count()
+}
+
+/// Ticks in a second.
+pub const fn ticks_per_second() -> Option<u32> {
+    Some(CPU_HZ)
+}
+
 /// Starts the DWT's cycle counter.
 pub(super) fn start_counter(core: &mut cortex_m::Peripherals) {
     core.DCB.enable_trace();

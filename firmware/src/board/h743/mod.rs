@@ -12,8 +12,8 @@ mod clock;
 mod start;
 mod uart;
 
-pub use clock::Cycles;
-pub use uart::{Acknowledge, Receiver, Transmitter};
+pub use clock::{Cycles, ticks, ticks_per_second};
+pub use uart::{Acknowledge, BAUD, Receiver, Transmitter};
 
 use super::{Ports, Vector, protection, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors

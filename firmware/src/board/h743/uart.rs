@@ -4,7 +4,7 @@ use super::clock::APB1_HZ;
 use stm32h7::stm32h743::{Peripherals, USART2, USART3, usart1};
 
 /// Line speed, Bd.
-const BAUD: u32 = 921_600;
+pub const BAUD: u32 = 921_600;
 
 /// Pins, clocks and registers of both UARTs.
 pub(super) fn start(chip: &Peripherals) {

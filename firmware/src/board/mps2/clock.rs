@@ -1,7 +1,8 @@
 //! CMSDK timer 1 as a free-running counter at the 25 MHz of the board.
 //!
 //! With QEMU's `-icount shift=6` one instruction takes 64 ns of virtual time, so
-//! instructions = ticks × 40 / 64, exact because an instruction is longer than a tick.
+//! instructions = ticks × 40 / 64, exact because an instruction is longer than a tick. In real time
+//! (line.rs) the shift is 2: 4 ns, 250 million instructions a second, of which a tick counts ten.
 
 use core::ptr::{read_volatile, write_volatile};
 use surefix_core::budget::CycleCounter;
@@ -28,9 +29,14 @@ pub fn ticks() -> u32 {
     u32::MAX - unsafe { read_volatile(VALUE) }
 }
 
-/// Executed instructions in a number of ticks, under `-icount shift=6`.
+/// Virtual time of an instruction, ns.
+const INSTRUCTION_NS: u64 = if cfg!(feature = "real-time") { 4 } else { 64 };
+/// Virtual time of a tick, ns.
+const TICK_NS: u64 = 40;
+
+/// Executed instructions in a number of ticks.
 pub const fn instructions(ticks: u64) -> u64 {
-    ticks * 40 / 64
+    ticks * TICK_NS / INSTRUCTION_NS
 }
 
 /// The cycle counter handed to core, in executed instructions.

@@ -2,20 +2,26 @@
 //!
 //! | QEMU `-serial` | base | use |
 //! |---|---|---|
-//! | 0 | 0x40004000 | receiver bytes in |
+//! | 0 | 0x40004000 | receiver bytes in, unless they come from memory (line.rs) |
 //! | 1 | 0x40005000 | output frames |
 //! | 2 | 0x40006000 | defmt log |
-//! | 3 | 0x40007000 | acknowledgements for the replaying host |
+//! | 3 | 0x40007000 | acknowledgements for the replaying host; in real time when epochs were done |
 //!
 //! Sources: ARM DAI 0500 (AN500) memory map; ARM DDI 0479 (CMSDK) 4.3 UART, 4.1 timer.
 
 mod clock;
+#[cfg(feature = "real-time")]
+mod line;
 mod markers;
 mod uart;
 
 pub use clock::{Cycles, instructions, ticks};
+#[cfg(feature = "real-time")]
+pub use line::{Receiver, ticks_per_second};
 pub use markers::{bench_begin, bench_end};
-pub use uart::{Acknowledge, Receiver, Transmitter};
+#[cfg(not(feature = "real-time"))]
+pub use uart::Receiver;
+pub use uart::{Acknowledge, BAUD, Transmitter};
 
 use super::{Ports, Vector, protection, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors
@@ -28,7 +34,11 @@ pub const NVIC_PRIO_BITS: u8 = 3;
 #[repr(u16)]
 pub enum Interrupt {
     /// A byte of the receiver: UART0 RX.
+    #[cfg(not(feature = "real-time"))]
     RECEIVER = 0,
+    /// A byte of the receiver: timer 0.
+    #[cfg(feature = "real-time")]
+    RECEIVER = 8,
     /// Pended by software to run the worker: the line of the Ethernet chip, which is not used.
     WORKER = 13,
 }
@@ -60,6 +70,12 @@ pub fn start() -> Ports {
         acknowledge: Acknowledge::start(),
         cycles: Cycles::start(),
     }
+}
+
+/// No rate: a host replays faster than real time, and how long a byte waits says nothing.
+#[cfg(not(feature = "real-time"))]
+pub const fn ticks_per_second() -> Option<u32> {
+    None
 }
 
 /// The log port; defmt's logger owns it.

@@ -5,6 +5,7 @@
 
 use core::ptr::{read_volatile, write_volatile};
 
+#[cfg(not(feature = "real-time"))]
 const RECEIVER: usize = 0x4000_4000;
 pub(super) const OUTPUT: usize = 0x4000_5000;
 pub(super) const LOG: usize = 0x4000_6000;
@@ -13,16 +14,24 @@ const ACKNOWLEDGE: usize = 0x4000_7000;
 const DATA: usize = 0x00;
 const STATE: usize = 0x04;
 const CTRL: usize = 0x08;
+#[cfg(not(feature = "real-time"))]
 const INTSTATUS: usize = 0x0C;
 const BAUDDIV: usize = 0x10;
 
 const STATE_TX_FULL: u32 = 1 << 0;
+#[cfg(not(feature = "real-time"))]
 const STATE_RX_FULL: u32 = 1 << 1;
+#[cfg(not(feature = "real-time"))]
 const STATE_RX_OVERRUN: u32 = 1 << 3;
 const CTRL_TX_ENABLE: u32 = 1 << 0;
+#[cfg(not(feature = "real-time"))]
 const CTRL_RX_ENABLE: u32 = 1 << 1;
+#[cfg(not(feature = "real-time"))]
 const CTRL_RX_INTERRUPT: u32 = 1 << 3;
+#[cfg(not(feature = "real-time"))]
 const INTSTATUS_RX: u32 = 1 << 1;
+/// Speed of the lines that an emulated board stands for, Bd: those of the STM32H743.
+pub const BAUD: u32 = 921_600;
 /// The least divider the hardware allows: the emulated line has no speed.
 const FASTEST: u32 = 16;
 
@@ -39,10 +48,12 @@ fn write(base: usize, register: usize, value: u32) {
 }
 
 /// Bytes of the GNSS receiver.
+#[cfg(not(feature = "real-time"))]
 pub struct Receiver {
     _owner: (),
 }
 
+#[cfg(not(feature = "real-time"))]
 impl Receiver {
     pub(super) fn start() -> Self {
         write(RECEIVER, BAUDDIV, FASTEST);
@@ -112,8 +123,21 @@ impl Acknowledge {
         }
     }
 
+    /// In real time, where nobody listens to acknowledgements: a line of numbers, after a letter that
+    /// says what they are.
+    #[cfg(feature = "real-time")]
+    pub fn tell(&mut self, what: u8, numbers: &[u32]) {
+        self.port.send(&[what, numbers.len() as u8]);
+        for number in numbers {
+            self.port.send(&number.to_le_bytes());
+        }
+    }
+
     /// `count` more bytes were taken from the ring.
     pub fn taken(&mut self, count: usize) {
+        if cfg!(feature = "real-time") {
+            return;
+        }
         self.pending += count as u32;
         while self.pending >= BYTES_PER_ACKNOWLEDGEMENT {
             self.pending -= BYTES_PER_ACKNOWLEDGEMENT;

@@ -116,19 +116,20 @@ pub struct Measurer {
 }
 
 impl Measurer {
-    /// GPS and BDS; every satellite has its own stream of random numbers, so that its noise does not
-    /// depend on what else is in view.
+    /// GPS and BDS, and Galileo where it is wanted; every satellite has its own stream of random numbers,
+    /// so that its noise does not depend on what else is in view.
     pub fn new(
         start: GpsTime,
         seed: u64,
         noise_free: bool,
+        galileo: bool,
         outages: &[Outage],
         faults: &[FaultSpec],
     ) -> Self {
         let mut slots: Vec<_> = Sky::new()
             .slots()
             .iter()
-            .filter(|slot| slot.satellite.system() != System::Galileo)
+            .filter(|slot| galileo || slot.satellite.system() != System::Galileo)
             .map(|slot| {
                 let mut random = ChaCha20Rng::seed_from_u64(seed);
                 random.set_stream(1 + slot.satellite.index() as u64);

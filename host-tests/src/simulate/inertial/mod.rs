@@ -62,6 +62,8 @@ pub struct Request {
     pub duration_s: Option<u32>,
     /// No noise and no bias; the initial state is still off by its sigmas.
     pub noise_free: bool,
+    /// Galileo beside GPS and BDS.
+    pub galileo: bool,
     /// Faults beside the flight's own.
     pub faults: Vec<FaultSpec>,
 }
@@ -77,6 +79,7 @@ impl Request {
             gnss_rate_hz: 1,
             duration_s: None,
             noise_free: false,
+            galileo: false,
             faults: Vec::new(),
         }
     }
@@ -192,7 +195,14 @@ fn build(request: &Request, plan: Plan, duration_s: u32) -> Result<Scenario> {
         1.0 / f64::from(gnss_hz),
         (duration_s * gnss_hz) as usize,
     );
-    let mut measurer = Measurer::new(start, request.seed, noise_free, &plan.outages, &faults);
+    let mut measurer = Measurer::new(
+        start,
+        request.seed,
+        noise_free,
+        request.galileo,
+        &plan.outages,
+        &faults,
+    );
 
     let interval_ns = NS_PER_S as u32 / imu_hz;
     let samples = (duration_s * imu_hz) as usize;

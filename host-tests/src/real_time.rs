@@ -1,0 +1,426 @@
+//! `surefix real-time`: a flight through the emulated board in the board's own time, with its deadlines.
+//!
+//! ```text
+//! flight ─► receiver bytes, inertial samples ─► one serial line ─► board ─► reports, and when each was sent
+//!                                                     └─► monitor on this machine ─► the same reports?
+//! ```
+//!
+//! | file | what it does |
+//! |---|---|
+//! | `real_time/line.rs` | when each byte is there |
+//! | `real_time/told.rs` | what the board tells of its times |
+
+pub mod line;
+mod told;
+
+use std::fmt;
+use std::time::Duration;
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressDrawTarget};
+use surefix_core::budget::STAGES;
+use surefix_core::config::Config;
+use surefix_core::ingest::{encode_configuration, encode_end_of_stream};
+use surefix_core::integrity::{Mode, Reason};
+use surefix_core::report::EpochReport;
+use surefix_core::wire::native::{Frame, Kind, MAX_FRAME};
+
+use crate::faults::FaultSpec;
+use crate::qemu::image;
+use crate::qemu::paced::{self, INSTRUCTIONS_PER_TICK, TICKS_PER_SECOND};
+use crate::replay::{Executor, HostExecutor, OutputReader};
+use crate::simulate::atmosphere::Ionosphere;
+use crate::simulate::flight::Flight;
+use crate::simulate::inertial::{self, board};
+use crate::simulate::sky;
+use line::{BAUD, Line, merge, pieces};
+use told::Told;
+
+/// Factor between the two clocks that are run.
+const SLOW_DOWN: u64 = 10;
+
+/// A flight through the emulated board in the board's own time: are its answers there in time?
+///
+/// Bytes of the receiver and inertial samples come over one serial line of 921,600 Bd, each at its time.
+/// The board executes 250 million instructions a second. Exit code 1 when a deadline was missed, or the
+/// reports are not those of this machine; with --slow, when a report that came late says it may be used.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// A flight that carries an inertial unit
+    #[arg(long, value_enum, default_value_t = Flight::Npa)]
+    pub flight: Flight,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Length, minutes; a flight is as long as it is
+    #[arg(long, default_value_t = 10.0)]
+    pub minutes: f64,
+    /// Inertial samples per second
+    #[arg(long, default_value_t = 200)]
+    pub imu_rate_hz: u32,
+    /// Receiver epochs per second
+    #[arg(long, default_value_t = 10)]
+    pub rate_hz: u32,
+    /// GPS and BDS without Galileo: 20 satellites
+    #[arg(long)]
+    pub no_galileo: bool,
+    /// Fault on a satellite beside the flight's own, `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`
+    #[arg(long = "fault", value_name = "SPEC")]
+    pub faults: Vec<FaultSpec>,
+    /// A tenth of the clock: 25 million instructions a second
+    #[arg(long)]
+    pub slow: bool,
+}
+
+impl Default for Args {
+    fn default() -> Self {
+        Self {
+            flight: Flight::Npa,
+            seed: 1,
+            minutes: 10.0,
+            imu_rate_hz: 200,
+            rate_hz: 10,
+            no_galileo: false,
+            faults: Vec::new(),
+            slow: false,
+        }
+    }
+}
+
+/// What a run was like.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    args: Args,
+    /// What the board said of each epoch.
+    pub reports: Vec<EpochReport>,
+    /// Satellites that had a filter of their own in the bank, per report of which it was a part.
+    pub in_bank: Vec<usize>,
+    /// What this machine said.
+    pub expected: Vec<EpochReport>,
+    /// Whether all that the board sent is what this machine sent, byte for byte.
+    pub is_same: bool,
+    /// From the last byte of an epoch until its report was sent, per report, s.
+    pub latencies_s: Vec<f64>,
+    /// From the instant of an epoch until its report was sent, per report, s.
+    pub ages_s: Vec<f64>,
+    /// Longest time from the last byte until work on the epoch began, s.
+    pub worst_wait_s: f64,
+    /// Bytes of the longest answer to an epoch.
+    pub answer_bytes: usize,
+    /// Most instructions of each stage.
+    pub worst_work: Vec<u32>,
+    /// Deadlines missed, by the board's own count.
+    pub deadline_misses: u32,
+    /// Bytes of the stream that found the ring full.
+    pub bytes_lost: u32,
+    /// Deepest stack, bytes.
+    pub stack_bytes: u32,
+    /// Most bytes that waited in the ring.
+    pub most_waiting: u32,
+    /// Part of the board's time in which it worked.
+    pub load: f64,
+    /// The last lines of the board's log.
+    pub log: Vec<String>,
+    /// Time on this machine.
+    pub elapsed: Duration,
+}
+
+/// The flight on its line.
+fn prepare(args: &Args) -> Result<Line> {
+    let seconds = args.minutes * 60.0;
+    // Written so that NaN is refused.
+    if !(seconds >= 1.0 && seconds <= 3600.0) {
+        bail!("--minutes {} is not between 1/60 and 60", args.minutes);
+    }
+    let scenario = inertial::fly(&inertial::Request {
+        imu_rate_hz: args.imu_rate_hz,
+        gnss_rate_hz: args.rate_hz,
+        duration_s: Some(seconds as u32),
+        galileo: !args.no_galileo,
+        faults: args.faults.clone(),
+        ..inertial::Request::new(args.flight, args.seed)
+    })?;
+    let radio = board::Radio {
+        dual_frequency: false,
+        ionosphere: Ionosphere::Klobuchar,
+        troposphere: true,
+    };
+    let config = Config {
+        reference_week: Some(sky::WEEK as u16),
+        ..Config::PRESET
+    };
+    let mut frame = [0; MAX_FRAME];
+    let native = |length: Result<usize, _>, frame: &[u8]| match length {
+        Ok(length) => Ok(frame[..length].to_vec()),
+        Err(surefix_core::wire::native::Full) => bail!("a native frame did not encode"),
+    };
+    let length = encode_configuration(&config, &mut frame);
+    let head = native(length, &frame)?;
+    let length = encode_end_of_stream(&mut frame);
+    let end = native(length, &frame)?;
+
+    let receiver = pieces(&board::receiver_bytes(&scenario, &radio)?, &config);
+    let mut samples = pieces(&board::imu_bytes(&scenario)?, &config);
+    // The first says what the unit is, which must be known before the first epoch.
+    let unit = samples.remove(0).bytes;
+    let mut all = merge(samples, receiver);
+    let first = all.first_mut().context("there is nothing to send")?;
+    first.bytes.splice(0..0, [head, unit].concat());
+    if let Some(last) = all.last_mut() {
+        last.bytes.extend(end);
+    }
+    Line::new(all, if args.slow { SLOW_DOWN } else { 1 })
+}
+
+/// Flies, on the board and on this machine.
+///
+/// # Errors
+/// When the flight cannot be simulated, or the emulator cannot be run.
+pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
+    let elf = image::build("monitor", &["real-time"])?;
+    let line = prepare(args)?;
+    let mut here = Vec::new();
+    HostExecutor.run(&line.bytes(), &mut |bytes| here.extend_from_slice(bytes))?;
+    let there = paced::run(&elf, &line.memory()?, progress)?;
+
+    let told = Told::read(&there.told, TICKS_PER_SECOND)
+        .with_context(|| format!("the board did not finish; its log ends: {:#?}", there.log))?;
+    let (end, answer_bytes) = before_end(&there.output)?;
+    let is_same = there.output[..end] == here;
+    let read = |bytes: &[u8]| {
+        let mut reader = OutputReader::default();
+        reader.push(bytes);
+        reader
+    };
+    let (board, host) = (read(&there.output[..end]), read(&here));
+    if board.reports.len() != told.epochs.len() {
+        bail!(
+            "the board sent {} reports and tells of {}",
+            board.reports.len(),
+            told.epochs.len()
+        );
+    }
+    let seconds = |ticks: u64| ticks as f64 / line.ticks_per_second as f64;
+    let ages_s = board.reports.iter().zip(&told.epochs);
+    let ages_s = ages_s
+        .map(|(report, epoch)| seconds(epoch.sent) - seconds(line.ticks(report.time)))
+        .collect();
+    Ok(Outcome {
+        args: args.clone(),
+        is_same,
+        latencies_s: told
+            .epochs
+            .iter()
+            .map(|e| seconds(e.sent - e.came))
+            .collect(),
+        ages_s,
+        worst_wait_s: told
+            .epochs
+            .iter()
+            .map(|e| seconds(e.begun - e.came))
+            .fold(0.0, f64::max),
+        answer_bytes,
+        worst_work: told.worst_work,
+        deadline_misses: told.deadline_misses,
+        bytes_lost: board.counters.map_or(0, |c| c.receiver_bytes_lost),
+        stack_bytes: told.stack_bytes,
+        most_waiting: told.most_waiting,
+        load: told.busy as f64 / told.epochs.last().map_or(1, |e| e.sent) as f64,
+        in_bank: board
+            .banks
+            .iter()
+            .flatten()
+            .map(|bank| bank.tests.len())
+            .collect(),
+        reports: board.reports,
+        expected: host.reports,
+        log: there.log,
+        elapsed: there.elapsed,
+    })
+}
+
+/// Bytes before the end-of-stream frame, and of the longest answer to an epoch.
+fn before_end(output: &[u8]) -> Result<(usize, usize)> {
+    let (mut at, mut begun, mut longest) = (0, 0, 0);
+    while let Ok((frame, length)) = Frame::parse(&output[at..]) {
+        match frame.kind() {
+            Some(Kind::EndOfStream) => return Ok((at, longest)),
+            Some(Kind::OutputInvalid) => bail!("the firmware failed and withdrew its output"),
+            _ => {}
+        }
+        at += length;
+        if frame.kind() == Some(Kind::Report) {
+            longest = longest.max(at - begun);
+            begun = at;
+        }
+    }
+    bail!("the board's output has no end");
+}
+
+impl Outcome {
+    /// The time an answer may take, s.
+    pub fn deadline_s(&self) -> f64 {
+        1.0 / f64::from(self.args.rate_hz)
+    }
+
+    /// Reports that the board took back because they were late.
+    pub fn withdrawn(&self) -> usize {
+        let is_late = |report: &&EpochReport| report.verdict.reason == Reason::DeadlineMissed;
+        self.reports.iter().filter(is_late).count()
+    }
+
+    /// Reports that say they may be used and were sent after the next epoch was due.
+    pub fn late_and_usable(&self) -> usize {
+        let reports = self.reports.iter().zip(&self.latencies_s);
+        reports
+            .filter(|(report, latency_s)| {
+                report.verdict.integrity.is_usable() && **latency_s > self.deadline_s()
+            })
+            .count()
+    }
+
+    /// Whether what was to be shown is shown: with its whole clock the board's answers are those of this
+    /// machine, and on their line before the next epoch is due; cut to a tenth none that is late is usable.
+    pub fn holds(&self) -> bool {
+        let line_s = self.answer_bytes as f64 * 10.0 / BAUD as f64;
+        let is_in_time = self.deadline_misses == 0
+            && self.withdrawn() == 0
+            && self.is_same
+            && worst(&self.ages_s) + line_s < self.deadline_s();
+        self.late_and_usable() == 0 && (self.args.slow || is_in_time)
+    }
+}
+
+fn worst(values: &[f64]) -> f64 {
+    values.iter().copied().fold(0.0, f64::max)
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let args = &self.args;
+        let rate = TICKS_PER_SECOND * INSTRUCTIONS_PER_TICK / 1_000_000;
+        let rate = if args.slow { rate / SLOW_DOWN } else { rate };
+        writeln!(
+            f,
+            "{}, {} min, {} epochs and {} inertial samples a second over one line of {BAUD} Bd; {rate} M instructions a second",
+            args.flight.name(),
+            args.minutes,
+            args.rate_hz,
+            args.imu_rate_hz,
+        )?;
+        let used = self.reports.iter().map(|r| r.used.len());
+        let tight = self
+            .reports
+            .iter()
+            .filter(|r| r.mode == Mode::Tight)
+            .count();
+        let usable = self
+            .reports
+            .iter()
+            .filter(|r| r.verdict.integrity.is_usable())
+            .count();
+        writeln!(
+            f,
+            "reports                        {}, {tight} of them of the filter, up to {} satellites",
+            self.reports.len(),
+            used.max().unwrap_or(0),
+        )?;
+        let filled = self.in_bank.iter().max().copied().unwrap_or(0);
+        let is_filled = self.in_bank.iter().filter(|n| **n == filled).count();
+        writeln!(
+            f,
+            "reports with the bank          {}, {is_filled} of them with {filled} satellites in it",
+            self.in_bank.len(),
+        )?;
+        writeln!(
+            f,
+            "usable                         {usable}; on this machine {}",
+            {
+                let expected = self.expected.iter();
+                expected.filter(|r| r.verdict.integrity.is_usable()).count()
+            }
+        )?;
+        writeln!(
+            f,
+            "deadlines missed               {}, reports taken back for it {}, usable ones sent late {}",
+            self.deadline_misses,
+            self.withdrawn(),
+            self.late_and_usable(),
+        )?;
+        let ms = 1000.0;
+        writeln!(
+            f,
+            "report after the last byte     {:.2} ms at most, of which waiting {:.2} ms; {:.0} ms are allowed",
+            ms * worst(&self.latencies_s),
+            ms * self.worst_wait_s,
+            ms * self.deadline_s(),
+        )?;
+        writeln!(
+            f,
+            "report after the epoch         {:.2} ms at most, the line included",
+            ms * worst(&self.ages_s),
+        )?;
+        let line_s = self.answer_bytes as f64 * 10.0 / BAUD as f64;
+        writeln!(
+            f,
+            "an answer to an epoch          {} bytes at most: {:.1} ms more on a line of that speed",
+            self.answer_bytes,
+            ms * line_s,
+        )?;
+        for (stage, work) in STAGES.iter().zip(&self.worst_work) {
+            writeln!(f, "work of {:<22} {work} instructions at most", stage.name)?;
+        }
+        writeln!(
+            f,
+            "load                           {:.1} %",
+            100.0 * self.load
+        )?;
+        writeln!(
+            f,
+            "receiver ring                  {} bytes waiting at most, {} lost",
+            self.most_waiting, self.bytes_lost
+        )?;
+        writeln!(
+            f,
+            "stack                          {} bytes",
+            self.stack_bytes
+        )?;
+        writeln!(
+            f,
+            "bytes of this machine          {}",
+            if self.is_same {
+                "the same"
+            } else {
+                "different"
+            }
+        )?;
+        write!(
+            f,
+            "took                           {:.0} s",
+            self.elapsed.as_secs_f64()
+        )
+    }
+}
+
+impl Args {
+    /// Runs `surefix real-time`; whether what was to be shown is shown.
+    ///
+    /// # Errors
+    /// As [`fly`].
+    pub fn run(&self) -> Result<bool> {
+        if let Some(missing) = image::missing() {
+            bail!("{missing}");
+        }
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        bar.set_message("bytes sent by the board");
+        let outcome = fly(self, &mut |sent| bar.set_position(sent))?;
+        bar.finish_and_clear();
+        println!("{outcome}");
+        if self.slow || !outcome.holds() {
+            for line in outcome.log.iter().rev().take(20).rev() {
+                println!("board: {line}");
+            }
+        }
+        Ok(outcome.holds())
+    }
+}

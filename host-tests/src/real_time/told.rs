@@ -1,0 +1,79 @@
+//! What the board tells of its times on its fourth UART (firmware: worker.rs).
+//!
+//! Lines of a letter, a count, and that many 32-bit numbers, little endian:
+//!
+//! | letter | numbers |
+//! |---|---|
+//! | `E`, per report | bytes taken; ticks when the last one came, when work began, when the report was sent |
+//! | `W`, at the end | most instructions of each stage |
+//! | `T`, at the end | deadlines missed; stack; most bytes waiting; ticks at work, low word first |
+
+use anyhow::{Context, Result, bail};
+
+/// Ticks of one report since the board started.
+#[derive(Clone, Copy, Debug)]
+pub struct Epoch {
+    /// Its last byte came, or was not yet there.
+    pub came: u64,
+    /// Work on it began.
+    pub begun: u64,
+    /// Its report was sent.
+    pub sent: u64,
+}
+
+/// Everything.
+#[derive(Clone, Debug, Default)]
+pub struct Told {
+    pub epochs: Vec<Epoch>,
+    pub worst_work: Vec<u32>,
+    pub deadline_misses: u32,
+    pub stack_bytes: u32,
+    pub most_waiting: u32,
+    pub busy: u64,
+}
+
+impl Told {
+    /// Reads what a whole run left; reports come more often than the board's ticks wrap.
+    pub fn read(bytes: &[u8], ticks_per_second: u64) -> Result<Self> {
+        let mut told = Self::default();
+        let mut is_whole = false;
+        let mut now = 0;
+        let mut rest = bytes;
+        while let [letter, count, behind @ ..] = rest {
+            let length = 4 * usize::from(*count);
+            let (numbers, behind) = behind
+                .split_at_checked(length)
+                .context("the last line is cut off")?;
+            rest = behind;
+            let (numbers, _) = numbers.as_chunks::<4>();
+            let numbers: Vec<u32> = numbers.iter().map(|n| u32::from_le_bytes(*n)).collect();
+            match (letter, &numbers[..]) {
+                (b'E', [_, came, begun, sent]) => {
+                    now += u64::from(sent.wrapping_sub(now as u32));
+                    let before = |ticks: u32| now - u64::from(sent.wrapping_sub(ticks));
+                    told.epochs.push(Epoch {
+                        came: before(*came),
+                        begun: before(*begun),
+                        sent: now,
+                    });
+                }
+                (b'W', worst) => told.worst_work = worst.to_vec(),
+                (b'T', [misses, stack, waiting, low, high]) => {
+                    told.deadline_misses = *misses;
+                    told.stack_bytes = *stack;
+                    told.most_waiting = *waiting;
+                    told.busy = u64::from(*low) | u64::from(*high) << 32;
+                    is_whole = true;
+                }
+                _ => bail!("a line that nobody knows: {letter} {numbers:?}"),
+            }
+        }
+        if !is_whole {
+            bail!(
+                "nothing was told of the end, {:.1} s after the start",
+                now as f64 / ticks_per_second as f64
+            );
+        }
+        Ok(told)
+    }
+}

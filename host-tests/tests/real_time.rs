@@ -1,0 +1,51 @@
+//! In the board's own time: answers are there before the next epoch is, and one that is not says so.
+
+use surefix_core::integrity::Mode;
+use surefix_core::report::EpochReport;
+use surefix_host_tests::qemu::image;
+use surefix_host_tests::real_time::{self, Args, Outcome};
+
+/// A flight through the board; `None`, said aloud, where there is no emulator.
+fn fly(args: &Args) -> Option<Outcome> {
+    if let Some(missing) = image::missing() {
+        eprintln!("SKIPPED: {missing}");
+        return None;
+    }
+    let outcome = real_time::fly(args, &mut |_| {}).unwrap();
+    println!("{outcome}\n{:#?}", outcome.log);
+    Some(outcome)
+}
+
+/// INT-008, INT-007. The short form of `surefix real-time`.
+#[test]
+fn no_deadline_is_missed_and_the_bytes_are_those_of_this_machine() {
+    let Some(outcome) = fly(&Args {
+        minutes: 0.4,
+        ..Args::default()
+    }) else {
+        return;
+    };
+    assert!(outcome.holds());
+    assert_eq!(outcome.reports.len(), 241);
+    let tight = |report: &&EpochReport| report.mode == Mode::Tight;
+    assert!(outcome.reports.iter().filter(tight).count() > 230);
+    let with_24 = outcome.in_bank.iter().filter(|n| **n == 24).count();
+    assert!(with_24 > 200, "{with_24}");
+    assert_eq!(outcome.bytes_lost, 0);
+}
+
+/// INT-008.
+#[test]
+fn with_a_tenth_of_the_clock_nothing_late_is_usable() {
+    let Some(outcome) = fly(&Args {
+        minutes: 0.2,
+        slow: true,
+        ..Args::default()
+    }) else {
+        return;
+    };
+    assert!(outcome.holds());
+    // It says so, and counts: the bank alone takes twice what there is.
+    assert_eq!(outcome.deadline_misses as usize, outcome.withdrawn());
+    assert!(outcome.withdrawn() > 20, "{}", outcome.withdrawn());
+}
