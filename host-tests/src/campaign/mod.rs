@@ -108,7 +108,6 @@ pub struct Args {
 /// # Errors
 /// When the arguments or the files are unusable; the message tells what to do.
 pub fn run(args: &Args) -> Result<()> {
-    check_out(&args.out)?;
     let name = match args.name.as_str() {
         "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
         name => name.to_owned(),
@@ -122,10 +121,12 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let result = match name.as_str() {
         "esbc-steps" if args.name == "merge" => {
+            check_out(&args.out)?;
             let results: Result<Vec<CampaignResult>> = args.files.iter().map(|f| read(f)).collect();
             merge(&results?)?
         }
         "esbc-steps" => {
+            check_out(&args.out)?;
             let mut settings = args.settings.clone();
             settings
                 .systems
@@ -140,9 +141,11 @@ pub fn run(args: &Args) -> Result<()> {
             steps(&recording, &options)?
         }
         "filter-consistency" => {
+            check_out(&args.out)?;
             return filter_consistency(args);
         }
         "recording-faults" => {
+            check_out(&args.out)?;
             if args.shard.is_some() {
                 bail!("recording-faults has no shards: give runs of different --seed instead");
             }
@@ -171,6 +174,7 @@ fn bank_campaign<C: Campaign>(name: &str, args: &Args) -> Result<bool> {
     if name != C::NAME {
         return Ok(false);
     }
+    check_out(&args.out)?;
     if args.name == "merge" {
         outcome::merge_files::<C>(&args.files, &args.out)?;
         return Ok(true);

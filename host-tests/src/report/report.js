@@ -692,7 +692,8 @@
         const y0 = Y(v(l + 1)), y1 = Y(v(l));
         // Below the axis: a cell on its edge.
         if (x1 <= b.x + 0.5) { x0 = b.x; x1 = b.x + (X(v(1)) - X(v(0))); }
-        g.globalAlpha = shade(n);
+        // One epoch above its level has to be seen.
+        g.globalAlpha = over ? 0.6 + 0.4 * shade(n) : shade(n);
         g.fillStyle = over ? colour.alert : colour.level;
         g.fillRect(x0, y0, Math.max(2, x1 - x0 + 0.3), Math.max(2, y1 - y0 + 0.3));
       }
