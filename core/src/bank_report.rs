@@ -3,9 +3,10 @@
 
 use heapless::Vec;
 
+use crate::consts::MAX_CLOCKS;
 use crate::gnss::{Satellite, SatelliteSet, System};
-use crate::mhss::separation::Separation;
-use crate::mhss::{BankVerdict, MAX_BANK};
+use crate::integrity::Opinions;
+use crate::mhss::{Bank, BankVerdict, MAX_BANK};
 use crate::report::ReportError;
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
@@ -22,7 +23,19 @@ pub struct BankTest {
     pub threshold_m: [Option<f64>; 2],
 }
 
-/// The tests of an epoch, before any exclusion.
+/// The test of the filter without a constellation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ConstellationTest {
+    /// The constellation that is left out.
+    pub system: System,
+    /// As of [`BankTest`].
+    pub statistic_m: [Option<f64>; 2],
+    /// As of [`BankTest`].
+    pub threshold_m: [Option<f64>; 2],
+}
+
+/// The tests of an epoch. Of a satellite that is excluded at it the test that failed; the others, in a scenario
+/// folder, as they were before the exclusion, in a recording as they are after it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BankReport {
     /// Time of the epoch.
@@ -39,15 +52,27 @@ pub struct BankReport {
     pub n_unmonitored: u8,
     /// The sub-filters.
     pub tests: Vec<BankTest, MAX_BANK>,
+    /// The filters without a constellation.
+    pub constellations: Vec<ConstellationTest, MAX_CLOCKS>,
+    /// How this opinion and the snapshot's stand to each other, where there are two.
+    pub opinions: Option<Opinions>,
+    /// There was no time for the filters of the pairs: nothing can be isolated.
+    pub pairs_dropped: bool,
+    /// Probability of the faults that no filter stands for, charged to the integrity risk, 1.
+    pub p_unmonitored: f64,
 }
 
 /// Longest frame, bytes.
-pub const BANK_FRAME_LENGTH: usize =
-    native::HEADER_LEN + HEAD_LENGTH + MAX_BANK * TEST_LENGTH + native::TRAILER_LEN;
+pub const BANK_FRAME_LENGTH: usize = native::HEADER_LEN + MAX_PAYLOAD_LENGTH + native::TRAILER_LEN;
+const MAX_PAYLOAD_LENGTH: usize =
+    HEAD_LENGTH + MAX_BANK * TEST_LENGTH + TAIL_LENGTH + MAX_CLOCKS * (TEST_LENGTH - 1);
+const TAIL_LENGTH: usize = 1 + 1 + 8 + 1;
+/// Number that stands for no opinions.
+const NO_OPINIONS: u8 = 255;
 const HEAD_LENGTH: usize = 8 + 1 + 1 + 4 * 8 + 3 * 8 + 1 + 1;
 const TEST_LENGTH: usize = 2 + 1 + 4 * 8;
 
-const _: () = assert!(HEAD_LENGTH + MAX_BANK * TEST_LENGTH <= native::MAX_PAYLOAD);
+const _: () = assert!(MAX_PAYLOAD_LENGTH <= native::MAX_PAYLOAD);
 
 impl BankReport {
     /// No test.
@@ -59,26 +84,30 @@ impl BankReport {
         excluded: SatelliteSet::EMPTY,
         n_unmonitored: 0,
         tests: Vec::new(),
+        constellations: Vec::new(),
+        opinions: None,
+        pairs_dropped: false,
+        p_unmonitored: 0.0,
     };
 
     /// Takes what a bank found.
-    pub fn fill<'a>(
+    pub fn fill<const K: usize, const M: usize>(
         &mut self,
         time: GpsTime,
         verdict: &BankVerdict,
-        excluded: SatelliteSet,
-        n_unmonitored: u8,
-        separations: impl Iterator<Item = (Satellite, &'a Separation)>,
+        bank: &Bank<K, M>,
+        p_unmonitored: f64,
+        opinions: Option<Opinions>,
     ) {
         let finite = |level: f64| level.is_finite().then_some(level);
         self.time = time;
         self.detected = verdict.detected;
         self.level_m = verdict.level_m.map(finite);
         self.alerted_level_m = verdict.alerted_level_m.map(finite);
-        self.excluded = excluded;
-        self.n_unmonitored = n_unmonitored;
+        self.excluded = bank.excluded();
+        self.n_unmonitored = bank.n_unmonitored();
         self.tests.clear();
-        for (satellite, separation) in separations {
+        for (satellite, separation) in bank.separations() {
             // As many as the bank has places.
             let _ = self.tests.push(BankTest {
                 satellite,
@@ -86,6 +115,18 @@ impl BankReport {
                 threshold_m: separation.threshold_m.map(finite),
             });
         }
+        self.constellations.clear();
+        for (system, separation) in bank.constellation_separations() {
+            // As many as there are constellations.
+            let _ = self.constellations.push(ConstellationTest {
+                system,
+                statistic_m: separation.statistic_m.map(finite),
+                threshold_m: separation.threshold_m.map(finite),
+            });
+        }
+        self.opinions = opinions;
+        self.pairs_dropped = bank.pairs_are_dropped();
+        self.p_unmonitored = p_unmonitored;
     }
 
     /// Writes the report as one frame of [`Kind::Bank`]; returns its length.
@@ -118,6 +159,14 @@ impl BankReport {
             writer.put_u8(test.satellite.prn())?;
             put_four(writer, test.statistic_m, test.threshold_m)?;
         }
+        writer.put_u8(self.opinions.map_or(NO_OPINIONS, |opinions| opinions as u8))?;
+        writer.put_u8(self.pairs_dropped as u8)?;
+        writer.put_f64(self.p_unmonitored)?;
+        writer.put_u8(u8::try_from(self.constellations.len()).map_err(|_| Full)?)?;
+        for test in &self.constellations {
+            writer.put_u8(test.system as u8)?;
+            put_four(writer, test.statistic_m, test.threshold_m)?;
+        }
         Ok(())
     }
 
@@ -148,6 +197,30 @@ impl BankReport {
             };
             if report.tests.push(test).is_err() {
                 return Err(ReportError::UnknownCode { code: tests });
+            }
+        }
+        let opinions = reader.u8()?;
+        report.opinions = match opinions {
+            NO_OPINIONS => None,
+            code => Some(Opinions::from_u8(code).ok_or(ReportError::UnknownCode { code })?),
+        };
+        report.pairs_dropped = reader.u8()? != 0;
+        report.p_unmonitored = reader.f64()?;
+        let constellations = reader.u8()?;
+        for _ in 0..constellations {
+            let code = reader.u8()?;
+            let system =
+                System::from_index(usize::from(code)).ok_or(ReportError::UnknownCode { code })?;
+            let (statistic_m, threshold_m) = four(&mut reader)?;
+            let test = ConstellationTest {
+                system,
+                statistic_m,
+                threshold_m,
+            };
+            if report.constellations.push(test).is_err() {
+                return Err(ReportError::UnknownCode {
+                    code: constellations,
+                });
             }
         }
         Ok(report)
@@ -199,8 +272,21 @@ mod tests {
             level_m: [Some(3.5), None],
             alerted_level_m: [None, Some(7.25)],
             n_unmonitored: 3,
+            opinions: Some(Opinions::BankOnly),
+            pairs_dropped: true,
+            p_unmonitored: 2.5e-8,
             ..BankReport::EMPTY
         };
+        for system in System::ALL {
+            report
+                .constellations
+                .push(ConstellationTest {
+                    system,
+                    statistic_m: [Some(1.5), None],
+                    threshold_m: [None, Some(2.5)],
+                })
+                .unwrap();
+        }
         report
             .excluded
             .insert(Satellite::new(System::Galileo, 30).unwrap());

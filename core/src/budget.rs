@@ -36,13 +36,15 @@ pub enum Stage {
     Levels = 3,
     /// Limits of the phase of flight.
     Verdict = 4,
-    /// The tightly coupled filter, where there is an inertial unit, and its bank, where that runs: 301
-    /// filters of 19 states for 24 satellites.
+    /// The tightly coupled filter, where there is an inertial unit, and what its bank says: tests, isolation,
+    /// levels.
     Filter = 5,
+    /// Prediction and update of the bank's filters: 303 of 19 states for 24 satellites on three clocks.
+    Bank = 6,
 }
 
 /// Number of stages.
-pub const STAGE_COUNT: usize = 6;
+pub const STAGE_COUNT: usize = 7;
 
 /// A stage and the work it may take.
 #[derive(Clone, Copy, Debug)]
@@ -89,6 +91,11 @@ pub const STAGES: [StageBudget; STAGE_COUNT] = [
     StageBudget {
         stage: Stage::Filter,
         name: "filter",
+        budget: 3_000_000,
+    },
+    StageBudget {
+        stage: Stage::Bank,
+        name: "bank",
         budget: 8_000_000,
     },
 ];
@@ -180,6 +187,82 @@ impl Ledger {
     }
 }
 
+/// Work of one filter of the bank before any has been measured.
+const FIRST_FILTER_WORK: u32 = 20_000;
+
+/// What the filters of the bank cost, and so whether those of the pairs can be afforded.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FilterCost {
+    per_filter: u32,
+}
+
+impl FilterCost {
+    /// Nothing measured yet.
+    pub(crate) const UNKNOWN: Self = Self {
+        per_filter: FIRST_FILTER_WORK,
+    };
+
+    /// Whether `filters` more fit into what `spent` has left of the epoch, and into their stage. Each time they
+    /// do not, the cost is taken for a little less, so that one slow epoch does not end them for good.
+    pub(crate) fn affords(&mut self, spent: u32, filters: u32) -> bool {
+        let budget = STAGES
+            .get(Stage::Bank as usize)
+            .map_or(0, |stage| stage.budget);
+        let work = self.per_filter.saturating_mul(filters);
+        let fits = work <= budget && spent.saturating_add(work) <= EPOCH_BUDGET;
+        if !fits {
+            self.per_filter -= self.per_filter / 32;
+        }
+        fits
+    }
+
+    /// `filters` took this much work.
+    pub(crate) const fn measured(&mut self, filters: u32, work: u32) {
+        // A counter that stands still measures nothing.
+        if let Some(per_filter) = work.checked_div(filters)
+            && work > 0
+        {
+            self.per_filter = per_filter;
+        }
+    }
+}
+
+/// A counter within an epoch.
+pub(crate) struct Meter<'a, C: CycleCounter> {
+    counter: &'a mut C,
+    begin: u32,
+    /// Work of the filters of the bank.
+    pub bank: u32,
+}
+
+impl<'a, C: CycleCounter> Meter<'a, C> {
+    /// The epoch began at this count.
+    pub(crate) const fn new(counter: &'a mut C, begin: u32) -> Self {
+        Self {
+            counter,
+            begin,
+            bank: 0,
+        }
+    }
+
+    /// The count now.
+    pub(crate) fn now(&mut self) -> u32 {
+        self.counter.now()
+    }
+
+    /// Work since the epoch began.
+    pub(crate) fn spent(&mut self) -> u32 {
+        self.counter.now().wrapping_sub(self.begin)
+    }
+
+    /// Books what was done since `from` for the filters of the bank.
+    pub(crate) fn bank_since(&mut self, from: u32) {
+        self.bank = self
+            .bank
+            .saturating_add(self.counter.now().wrapping_sub(from));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -201,5 +284,26 @@ mod tests {
         }
         assert_eq!(ledger.deadline_misses(), STAGE_COUNT as u32);
         assert_eq!(ledger.worst(), STAGES.map(|stage| stage.budget + 1));
+    }
+
+    /// INT-032.
+    #[test]
+    fn filters_of_pairs_are_shed_when_they_do_not_fit_and_tried_again() {
+        let mut cost = FilterCost::UNKNOWN;
+        assert!(cost.affords(0, 276));
+        // Ten times slower: they cost more than the whole epoch has.
+        cost.measured(304, 304 * 150_000);
+        assert!(!cost.affords(0, 276));
+        assert!(cost.affords(0, 10));
+        let tries = (0..1000).find(|_| cost.affords(0, 276)).unwrap();
+        assert!((20..200).contains(&tries), "{tries}");
+        // What the epoch has spent before counts.
+        cost.measured(304, 304 * 15_000);
+        assert!(cost.affords(0, 276) && !cost.affords(EPOCH_BUDGET, 276));
+        // A counter that stands still measures nothing.
+        let before = cost.per_filter;
+        cost.measured(304, 0);
+        cost.measured(0, 17);
+        assert_eq!(cost.per_filter, before);
     }
 }

@@ -13,7 +13,7 @@
 use nalgebra::Vector3;
 
 use crate::bank_report::BankReport;
-use crate::budget::{CycleCounter, Ledger, Stage};
+use crate::budget::{CycleCounter, Ledger, Meter, Stage};
 use crate::config::Config;
 use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
@@ -272,6 +272,7 @@ impl Monitor {
         counter: &mut impl CycleCounter,
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
+        let epoch_begin = counter.now();
         let epoch = self.ingest.epoch();
         let with_bank = memory.is_some();
         if with_bank {
@@ -288,6 +289,7 @@ impl Monitor {
         let begin = counter.now();
         let verdict = assessment.verdict;
         let tested = TestedSolution::new(&assessment);
+        let mut meter = Meter::new(counter, epoch_begin);
         let tight = match memory {
             Some(memory) => self.tight.on_epoch_with_bank(
                 epoch.time,
@@ -295,6 +297,7 @@ impl Monitor {
                 assessment.excluded_here,
                 tested.as_ref(),
                 memory,
+                &mut meter,
             ),
             None => self.tight.on_epoch(
                 epoch.time,
@@ -332,8 +335,10 @@ impl Monitor {
             None => self.tight.align(epoch.time, tested.as_ref()),
         }
         report.inertial = self.tight.tell();
+        let work = meter.now().wrapping_sub(begin);
+        self.ledger.charge(Stage::Bank, meter.bank);
         self.ledger
-            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+            .charge(Stage::Filter, work.wrapping_sub(meter.bank));
         report
     }
 
@@ -356,7 +361,7 @@ impl Monitor {
         }
         report.inertial = self.tight.tell();
         self.ledger
-            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+            .charge(Stage::Bank, counter.now().wrapping_sub(begin));
         report
     }
 
@@ -373,16 +378,19 @@ impl Monitor {
             report.verdict.hal_m = requirements.hal_m;
             report.verdict.val_m = requirements.val_m;
         }
+        let mut meter = Meter::new(counter, begin);
         let tight = match memory {
-            Some(memory) => self.tight.on_silence_with_bank(time, memory),
+            Some(memory) => self.tight.on_silence_with_bank(time, memory, &mut meter),
             None => self.tight.on_silence(time),
         };
         if let Some(tight) = tight {
             serve(&mut report, &tight);
         }
         report.inertial = self.tight.tell();
+        let work = meter.now().wrapping_sub(begin);
+        self.ledger.charge(Stage::Bank, meter.bank);
         self.ledger
-            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+            .charge(Stage::Filter, work.wrapping_sub(meter.bank));
         report
     }
 
@@ -445,17 +453,19 @@ impl Monitor {
 
     /// What the bank of filters said of the last epoch, if it ran: fills `report`.
     pub fn bank_report(&self, report: &mut BankReport) -> bool {
-        let bank = self.tight.bank();
         let Some((time, verdict)) = self.tight.bank_verdict() else {
             return false;
         };
         report.fill(
             *time,
             verdict,
-            bank.excluded(),
-            bank.n_unmonitored(),
-            bank.separations(),
+            self.tight.bank(),
+            self.tight.p_unmonitored(),
+            self.opinions,
         );
+        if let Some(opinion) = self.tight.opinion() {
+            report.level_m = opinion.levels_m;
+        }
         true
     }
 

@@ -213,7 +213,7 @@ impl SnapshotMonitor {
                 Stage::Levels => self.bound(&mut progress),
                 Stage::Verdict => verdict = judge(&progress, &requirements),
                 // Runs after the snapshot, in `monitor.rs`.
-                Stage::Filter => continue,
+                Stage::Filter | Stage::Bank => continue,
             }
             ledger.charge(stage.stage, counter.now().wrapping_sub(begin));
         }

@@ -51,8 +51,8 @@ impl<const N: usize> Arrivals<N> {
             .store(written.wrapping_add(1), Ordering::Release);
     }
 
-    /// A time at which the byte at `place` had not come yet, or came. For the one reader, of a byte that
-    /// it has taken and of which the ring's room has not been used again.
+    /// A time at which the byte at `place` had not come yet, or came. For the one reader, of a byte after
+    /// which fewer than `N` × [`EVERY`] came while the ring was not empty.
     pub fn time_of(&self, place: u32) -> u32 {
         let written = self.written.load(Ordering::Acquire);
         let mut found = 0;

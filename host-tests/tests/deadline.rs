@@ -89,3 +89,39 @@ fn an_epoch_over_budget_is_unavailable_without_levels_and_an_alert_stays_one() {
     }
     assert!(withdrawn >= 10 && alerts >= 10, "{withdrawn}, {alerts}");
 }
+
+/// INT-008. Whoever runs the monitor knows how long its bytes waited.
+#[test]
+fn a_report_that_cannot_be_sent_in_time_is_taken_back_and_counted_once() {
+    let mut monitor = Box::new(Monitor::EMPTY);
+    monitor.configure(&Config::PRESET).unwrap();
+    let bytes = stream();
+    let (mut rest, mut epochs) = (&bytes[..], 0);
+    loop {
+        let (used, ready) = monitor.push(rest);
+        rest = &rest[used..];
+        match ready {
+            Some(Ready::Epoch) if epochs % 2 == 0 => {
+                let mut report = monitor.process(&mut NoCounter);
+                monitor.miss_deadline(&mut report);
+                epochs += 1;
+                assert_eq!(
+                    report.verdict.vpl,
+                    ProtectionLevel::Unavailable(NoBound::DeadlineMissed)
+                );
+                assert!(!report.verdict.integrity.is_usable());
+            }
+            Some(Ready::Epoch) => {
+                // Late by its own work already: no second miss.
+                let mut report = monitor.process(&mut Slow { now: 0 });
+                monitor.miss_deadline(&mut report);
+                epochs += 1;
+            }
+            _ if rest.is_empty() => break,
+            _ => {}
+        }
+    }
+    assert!(epochs >= 20);
+    assert_eq!(monitor.ledger().deadline_misses(), epochs);
+    assert_eq!(monitor.epoch_interval_ns(), Some(1_000_000_000));
+}

@@ -173,6 +173,7 @@ impl<const K: usize, const M: usize> Filter<K, M> {
 
     /// Takes the nominal trajectory to be corrected by `correction`: the state is now the error of the
     /// corrected nominal.
+    #[inline(never)]
     pub fn rereference(&mut self, correction: &ErrorState<K>) {
         for (block, by) in self.state.navigation.iter_mut().zip(&correction.navigation) {
             for (entry, by) in block.iter_mut().zip(by) {

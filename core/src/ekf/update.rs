@@ -23,7 +23,9 @@
 use super::filter::Filter;
 use super::information::EpochInformation;
 use super::joint::{JointWorkspace, Scalar};
-use super::layout::{BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, MAX_JOINT, POSITION, VELOCITY, pair};
+use super::layout::{
+    BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, FIRST_OFFSET, MAX_JOINT, POSITION, VELOCITY, pair,
+};
 use crate::linalg::block3::{Block, Symmetric, full, together};
 
 /// Vectors of one block of states, one per scalar measurement.

@@ -206,6 +206,8 @@ pub struct Bank<const K: usize, const M: usize> {
     constellations: [Option<Separation>; MAX_CLOCKS],
     /// Satellites that were excluded once and taken back.
     readmitted: SatelliteSet,
+    /// The filters of the pairs missed an epoch.
+    pairs_are_dropped: bool,
     /// Rows of the members present at this epoch, in the order of the members.
     rows: [Option<MeasurementRow<M>>; MAX_BANK],
     n_unmonitored: u8,
@@ -227,6 +229,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         leaving: None,
         constellations: [None; MAX_CLOCKS],
         readmitted: SatelliteSet::EMPTY,
+        pairs_are_dropped: false,
         rows: [None; MAX_BANK],
         n_unmonitored: 0,
         after: [const { EpochInformation::ZERO }; MAX_BANK + 1],
@@ -245,6 +248,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.leaving = None;
         self.constellations = [None; MAX_CLOCKS];
         self.readmitted = SatelliteSet::EMPTY;
+        self.pairs_are_dropped = false;
         self.rows = [None; MAX_BANK];
         self.n_unmonitored = 0;
     }
@@ -324,20 +328,29 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         sub: &mut SubFilters<K, M>,
         secondaries: &mut Secondaries<K, M>,
     ) {
+        self.predict_sub(transition, sub);
+        let workspace = &mut self.predict_workspace;
+        for (at, member) in self.members.iter().enumerate() {
+            for other in self.members.iter().skip(at + 1) {
+                if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
+                    filter.predict(transition, workspace);
+                }
+            }
+        }
+    }
+
+    /// Carries the filters without one satellite or one constellation to the epoch.
+    #[inline(never)]
+    pub fn predict_sub(&mut self, transition: &Transition, sub: &mut SubFilters<K, M>) {
         let workspace = &mut self.predict_workspace;
         for (filter, constellation) in sub.constellations.iter_mut().zip(&self.constellations) {
             if constellation.is_some() {
                 filter.predict(transition, workspace);
             }
         }
-        for (at, member) in self.members.iter().enumerate() {
+        for member in &self.members {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.predict(transition, workspace);
-            }
-            for other in self.members.iter().skip(at + 1) {
-                if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
-                    filter.predict(transition, workspace);
-                }
             }
         }
     }
@@ -482,6 +495,25 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         }
     }
 
+    /// Updates the filters without one satellite alone; those of the pairs miss the epoch and must be
+    /// [`Bank::drop_pairs`]ped.
+    #[inline(never)]
+    pub fn update_sub(&mut self, sub: &mut SubFilters<K, M>) {
+        self.before.clear();
+        for (at, (member, row)) in self.members.iter().zip(&self.rows).enumerate() {
+            let Some(rest) = self.after.get(at + 1) else {
+                break;
+            };
+            self.without.set_sum(&self.before, rest);
+            if let Some(filter) = sub.filters.get_mut(member.place) {
+                filter.update(&self.without, &mut self.update_workspace);
+            }
+            if let Some(row) = row {
+                self.before.add_row(row);
+            }
+        }
+    }
+
     /// Tests every sub-filter against the main filter, which has been updated, and looks for the one
     /// satellite that explains what it finds. All errors of measurements are taken for white.
     #[inline(never)]
@@ -556,7 +588,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 verdict.take(place, vertical);
             }
         }
-        if verdict.detected {
+        if verdict.detected && !self.pairs_are_dropped {
             verdict.isolated = self.isolate(criterion, noise, sub, secondaries);
         }
         verdict
@@ -690,6 +722,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         for (at, member) in self.members.iter().enumerate() {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.rereference(correction);
+            }
+            if self.pairs_are_dropped {
+                continue;
             }
             for other in self.members.iter().skip(at + 1) {
                 if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {

@@ -16,6 +16,7 @@ use super::{
     BankMemory, CLOCKS, JOINT, MAX_LEAD_NS, MonitorFastFilters, TestedSolution, TightMonitor,
     TightSolution,
 };
+use crate::budget::{CycleCounter, FilterCost, Meter};
 use crate::consts::MAX_SATELLITES;
 use crate::ekf::navigator::AntennaState;
 use crate::ekf::{Filter, MeasurementRow, UpdateSummary};
@@ -70,6 +71,7 @@ pub(super) struct RecordingBank {
     /// Satellites of this epoch were kept from all filters as grossly wrong.
     withheld: bool,
     opinion: Option<BankOpinion>,
+    cost: FilterCost,
 }
 
 impl RecordingBank {
@@ -88,6 +90,7 @@ impl RecordingBank {
         common_m: Vec::new(),
         withheld: false,
         opinion: None,
+        cost: FilterCost::UNKNOWN,
     };
 
     /// The filters begin anew.
@@ -137,7 +140,16 @@ impl TightMonitor {
 
     /// Satellites that the bank has excluded: no opinion uses them.
     pub(crate) fn excluded(&self) -> SatelliteSet {
-        self.bank.excluded()
+        if self.is_running() {
+            self.bank.excluded()
+        } else {
+            SatelliteSet::EMPTY
+        }
+    }
+
+    /// Probability of the faults that no filter of the bank stands for.
+    pub fn p_unmonitored(&self) -> f64 {
+        self.bank.p_unmonitored(&self.recording.priors)
     }
 
     /// What the bank said of the last epoch of a recording, if it ran.
@@ -157,14 +169,14 @@ impl TightMonitor {
         withheld: SatelliteSet,
         tested: Option<&TestedSolution<'_>>,
         memory: BankMemory<'_>,
+        meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<TightSolution> {
         self.recording.opinion = None;
         self.bank_verdict = None;
         self.meets(time)?;
         let mut at = self.navigator.predict(time);
         let BankMemory { fast, secondaries } = memory;
-        let transition = self.navigator.transition();
-        self.bank.predict(transition, &mut fast.sub, secondaries);
+        self.predict_bank(BankMemory { fast, secondaries }, meter);
         // A place that is no place for a receiver shows in the rows: there are none.
         if workspace
             .corrected(at.r_e_m, at.v_e_mps, withheld, &mut self.corrected)
@@ -180,7 +192,32 @@ impl TightMonitor {
         }
         self.make_rows(&at);
         self.recording.withheld = self.withhold_unexplainable();
-        self.finish_with_bank(&at, BankMemory { fast, secondaries }, tested.is_some())
+        let is_tested = tested.is_some();
+        self.finish_with_bank(&at, BankMemory { fast, secondaries }, is_tested, meter)
+    }
+
+    /// All filters of the bank come to the epoch; those of the pairs only when there is time for them.
+    fn predict_bank(&mut self, memory: BankMemory<'_>, meter: &mut Meter<'_, impl CycleCounter>) {
+        let BankMemory { fast, secondaries } = memory;
+        let Self {
+            bank,
+            navigator,
+            recording,
+            ..
+        } = self;
+        let transition = navigator.transition();
+        let affords = recording.cost.affords(meter.spent(), bank.pairs());
+        let begin = meter.now();
+        if !affords {
+            bank.drop_pairs();
+            bank.predict_sub(transition, &mut fast.sub);
+        } else if bank.pairs_are_dropped() {
+            bank.predict_sub(transition, &mut fast.sub);
+            bank.begin_pairs(&fast.sub, secondaries);
+        } else {
+            bank.predict(transition, &mut fast.sub, secondaries);
+        }
+        meter.bank_since(begin);
     }
 
     /// Three satellites of different constellations far from where the main filter expects them are no fault
@@ -225,6 +262,7 @@ impl TightMonitor {
         &mut self,
         due: GpsTime,
         memory: BankMemory<'_>,
+        meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<TightSolution> {
         self.recording.opinion = None;
         self.bank_verdict = None;
@@ -234,11 +272,10 @@ impl TightMonitor {
         }
         self.navigator.predict(self.navigator.time());
         let BankMemory { fast, secondaries } = memory;
-        let transition = self.navigator.transition();
-        self.bank.predict(transition, &mut fast.sub, secondaries);
+        self.predict_bank(BankMemory { fast, secondaries }, meter);
         self.rows.clear();
         self.recording.withheld = false;
-        self.finish_with_bank(&at, BankMemory { fast, secondaries }, false)
+        self.finish_with_bank(&at, BankMemory { fast, secondaries }, false, meter)
     }
 
     /// The filters take the independent part of each error; the common one goes into the bound.
@@ -279,8 +316,9 @@ impl TightMonitor {
         at: &AntennaState<CLOCKS>,
         memory: BankMemory<'_>,
         is_tested: bool,
+        meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<TightSolution> {
-        let solution = self.run_recording(at, memory).and_then(|summary| {
+        let solution = self.run_recording(at, memory, meter).and_then(|summary| {
             let mut used = SatelliteSet::EMPTY;
             let mut present = [false; System::ALL.len()];
             for (_, satellite, _) in self.bank.present() {
@@ -329,6 +367,7 @@ impl TightMonitor {
         &mut self,
         at: &AntennaState<CLOCKS>,
         memory: BankMemory<'_>,
+        meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<UpdateSummary> {
         let llh = geodesy::to_llh(&Vector3::from(at.r_e_m)).ok()?;
         let place = EpochPlace {
@@ -346,8 +385,15 @@ impl TightMonitor {
             ..
         } = self;
         let summary = navigator.update_lent(main);
+        let begin = meter.now();
         bank.update_constellations(sub);
-        bank.update(sub, secondaries);
+        if bank.pairs_are_dropped() {
+            bank.update_sub(sub);
+        } else {
+            bank.update(sub, secondaries);
+        }
+        meter.bank_since(begin);
+        recording.cost.measured(bank.filters(), meter.bank);
         solve_correlated(bank, recording, &place.c_enu_e);
         self.judge(&place, main, sub, secondaries);
         self.observe_excluded(place.time, main);

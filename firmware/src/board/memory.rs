@@ -13,8 +13,8 @@ pub const RECEIVED_CAPACITY: usize = 16384;
 /// Receiver bytes between interrupt and worker.
 pub static RECEIVED: Ring<RECEIVED_CAPACITY> = Ring::empty();
 
-/// When they came.
-pub static ARRIVED: Arrivals<{ RECEIVED_CAPACITY / EVERY as usize }> = Arrivals::empty();
+/// When they came. Twice what a full ring has: the bytes that the worker has in hand are older.
+pub static ARRIVED: Arrivals<{ 2 * RECEIVED_CAPACITY / EVERY as usize }> = Arrivals::empty();
 
 /// All state of surefix but the filters of the bank; one task takes it.
 // SAFETY: the section is a data section that the board fills before `main` (h743/start.rs).

@@ -108,6 +108,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         sub: &SubFilters<K, M>,
         secondaries: &Secondaries<K, M>,
     ) -> Option<[Satellite; 2]> {
+        if self.pairs_are_dropped {
+            return None;
+        }
         let mut best: Option<(f64, [Satellite; 2])> = None;
         // The sum of squares of the likeliest rival.
         let mut rival = f64::INFINITY;

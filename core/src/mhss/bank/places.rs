@@ -28,6 +28,41 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         longest
     }
 
+    /// Number of pairs of satellites in the bank.
+    pub fn pairs(&self) -> u32 {
+        let n = u32::try_from(self.members.len()).unwrap_or(u32::MAX);
+        n.saturating_mul(n.saturating_sub(1)) / 2
+    }
+
+    /// Filters without one satellite, one constellation, and two satellites where those have not been dropped.
+    pub fn filters(&self) -> u32 {
+        let n = self.members.len() + self.constellations.iter().flatten().count();
+        let pairs = if self.pairs_are_dropped {
+            0
+        } else {
+            self.pairs()
+        };
+        u32::try_from(n).unwrap_or(u32::MAX).saturating_add(pairs)
+    }
+
+    /// The filters of the pairs miss this epoch for want of time: until [`Bank::begin_pairs`] nothing is
+    /// isolated, excluded or evicted by them.
+    pub const fn drop_pairs(&mut self) {
+        self.pairs_are_dropped = true;
+    }
+
+    /// The filters of the pairs begin anew as copies of those without one satellite, after
+    /// [`Bank::predict_sub`]. They are blind for two faults of before.
+    pub fn begin_pairs(&mut self, sub: &SubFilters<K, M>, secondaries: &mut Secondaries<K, M>) {
+        self.begin_secondaries(sub, secondaries);
+        self.pairs_are_dropped = false;
+    }
+
+    /// Whether the filters of the pairs missed an epoch and have not begun anew.
+    pub const fn pairs_are_dropped(&self) -> bool {
+        self.pairs_are_dropped
+    }
+
     /// Takes a satellite's place away without calling it faulty: F00 ← F0n, so that no filter holds anything
     /// of it afterwards and no fault of it can hide in the main filter. The secondaries begin anew, as after an
     /// exclusion. After [`Bank::predict`], before [`Bank::admit`].
@@ -39,6 +74,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         sub: &mut SubFilters<K, M>,
         secondaries: &mut Secondaries<K, M>,
     ) -> Option<usize> {
+        if self.pairs_are_dropped {
+            return None;
+        }
         let member = self.remove(satellite, main, sub, secondaries)?;
         Some(member.place)
     }
@@ -132,6 +170,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             }
         }
         self.begin_secondaries(sub, secondaries);
+        self.pairs_are_dropped = false;
     }
 
     /// An excluded satellite may have a place again.

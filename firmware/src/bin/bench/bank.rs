@@ -11,15 +11,13 @@ use core::hint::black_box;
 use static_cell::ConstStaticCell;
 use surefix_core::ekf::filter::PredictWorkspace;
 use surefix_core::ekf::layout::{BLOCKS, FIRST_OFFSET};
-use surefix_core::ekf::{
-    EpochInformation, Filter, MeasurementRow, Transition, UpdateWorkspace,
-};
+use surefix_core::ekf::{EpochInformation, Filter, MeasurementRow, Transition, UpdateWorkspace};
 use surefix_core::frames::geodesy;
 use surefix_core::gnss::{CorrectedMeasurement, Satellite, System};
 use surefix_core::linalg::block3::Symmetric;
 use surefix_core::mhss::{
-    Bank, BankEpoch, BankRow, BankVerdict, CorrelatedBound, Criterion, MAX_BANK, Secondaries, SeparationQuantiles,
-    SubFilters,
+    Bank, BankEpoch, BankRow, BankVerdict, CorrelatedBound, Criterion, MAX_BANK, Secondaries,
+    SeparationQuantiles, SubFilters,
 };
 use surefix_core::time::NS_PER_S;
 
@@ -263,13 +261,8 @@ impl<const K: usize, const M: usize> Memory<K, M> {
                 sigma_pseudorange_m: 3.0,
                 range_rate_mps: Some((0.1 * random.normal(), 0.1)),
             };
-            let made = MeasurementRow::new(
-                &measurement,
-                sky::RECEIVER_E_M,
-                [0.0; 3],
-                &[0.0; K],
-                offset,
-            );
+            let made =
+                MeasurementRow::new(&measurement, sky::RECEIVER_E_M, [0.0; 3], &[0.0; K], offset);
             if let Some(made) = made {
                 row.row = made;
             }
@@ -316,13 +309,13 @@ impl<const K: usize, const M: usize> Memory<K, M> {
     /// Whether every filter with the first `n` satellites is well.
     fn is_healthy(&self, n: usize) -> bool {
         let satellites = || self.rows.iter().take(n).map(|row| row.satellite);
-        let well = |filter: Option<&Filter<K, M>>| filter.is_none_or(|filter| filter.check().is_ok());
+        let well =
+            |filter: Option<&Filter<K, M>>| filter.is_none_or(|filter| filter.check().is_ok());
         self.main.check().is_ok()
             && satellites().all(|one| {
                 well(self.bank.sub_filter(one, &self.sub))
-                    && satellites().all(|other| {
-                        well(self.bank.secondary([one, other], &self.secondaries))
-                    })
+                    && satellites()
+                        .all(|other| well(self.bank.secondary([one, other], &self.secondaries)))
             })
     }
 }

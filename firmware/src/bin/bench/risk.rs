@@ -87,4 +87,3 @@ impl<const K: usize, const M: usize> Memory<K, M> {
         sum
     }
 }
-
