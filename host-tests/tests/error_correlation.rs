@@ -16,7 +16,9 @@ use std::path::Path;
 use nalgebra::Vector3;
 use surefix_core::config::{Config, IonosphereModel};
 use surefix_core::gnss::solution::SnapshotWorkspace;
-use surefix_core::gnss::{BroadcastIonosphere, CorrectedEpoch, EphemerisStore, SatelliteSet, System};
+use surefix_core::gnss::{
+    BroadcastIonosphere, CorrectedEpoch, EphemerisStore, SatelliteSet, System,
+};
 use surefix_core::time::GpsTime;
 use surefix_host_tests::replay::ReplayOptions;
 use surefix_host_tests::settings::Settings;
@@ -61,15 +63,22 @@ fn residuals(options: &ReplayOptions, place: &dyn Fn(GpsTime) -> Vector3<f64>) -
                 .map(|row| {
                     let range_m = (Vector3::from(row.r_es_e_m) - r_e).norm();
                     let sigma_m = workspace.sigma(row.satellite).unwrap().independent_m;
-                    (row.satellite.to_string(), row.pseudorange_m - range_m, sigma_m)
+                    (
+                        row.satellite.to_string(),
+                        row.pseudorange_m - range_m,
+                        sigma_m,
+                    )
                 })
                 .collect();
             if rows.len() < 4 {
                 continue;
             }
             let weights: f64 = rows.iter().map(|(_, _, sigma)| sigma.powi(-2)).sum();
-            let mean_m: f64 =
-                rows.iter().map(|(_, r, sigma)| r * sigma.powi(-2)).sum::<f64>() / weights;
+            let mean_m: f64 = rows
+                .iter()
+                .map(|(_, r, sigma)| r * sigma.powi(-2))
+                .sum::<f64>()
+                / weights;
             for (name, residual_m, sigma_m) in rows {
                 let of = series.entry(name).or_default();
                 of.push((epoch.time.ns(), (residual_m - mean_m) / sigma_m));
@@ -151,7 +160,8 @@ fn errors_of_a_walk_last_for_seconds() {
     };
     let mut options = ReplayOptions::new(gnss);
     options.nav.push(nav);
-    let example = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples/walk-adis16465.toml");
+    let example =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples/walk-adis16465.toml");
     options.config = Settings::read(&example).unwrap().config().unwrap();
     let track = Track::read(&track, -21.39).unwrap();
     let series = residuals(&options, &|time| track.state(time, 0.0).0);
