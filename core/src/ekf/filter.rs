@@ -23,7 +23,7 @@ use super::layout::{
 use super::transition::{ClockTransition, NavigationCovariance, NavigationTransition, Transition};
 use crate::linalg::block3::{
     Block, Symmetric, ZERO, add_product, add_product_symmetric, add_product_transposed,
-    add_product_vector, add_symmetric_product, full, product, product_symmetric, together,
+    add_product_vector, add_symmetric_product, full, product, product_symmetric,
 };
 
 /// Error of the nominal trajectory; signs in `layout.rs`.
@@ -508,26 +508,6 @@ fn propagate_columns<const K: usize>(
     }
 }
 
-/// A row of Φ times a column.
-#[inline(never)]
-fn row_times_vector(
-    row: &[Block; BLOCKS],
-    [position, velocity, attitude, gyro, accel]: [&[f64; 3]; BLOCKS],
-    out: &mut [f64; 3],
-) {
-    let mut sum = [0.0; 3];
-    add_product_vector(&mut sum, &row[POSITION], position);
-    together();
-    add_product_vector(&mut sum, &row[VELOCITY], velocity);
-    together();
-    add_product_vector(&mut sum, &row[ATTITUDE], attitude);
-    together();
-    add_product_vector(&mut sum, &row[GYRO_BIAS], gyro);
-    together();
-    add_product_vector(&mut sum, &row[ACCEL_BIAS], accel);
-    *out = sum;
-}
-
 /// Φ times the covariance with a clock offset.
 #[inline(never)]
 fn propagate_offset<const K: usize>(
@@ -535,10 +515,12 @@ fn propagate_offset<const K: usize>(
     offset: usize,
     phi: &NavigationTransition,
 ) {
-    let (mut position, mut velocity) = ([0.0; 3], [0.0; 3]);
-    let column = cross.each_ref().map(|columns| &columns[offset]);
-    row_times_vector(&phi.position, column, &mut position);
-    row_times_vector(&phi.velocity, column, &mut velocity);
+    let mut position = [0.0; 3];
+    let mut velocity = [0.0; 3];
+    for ((columns, p), v) in cross.iter().zip(&phi.position).zip(&phi.velocity) {
+        add_product_vector(&mut position, p, &columns[offset]);
+        add_product_vector(&mut velocity, v, &columns[offset]);
+    }
     let mut attitude = [0.0; 3];
     add_product_vector(&mut attitude, &phi.attitude[0], &cross[ATTITUDE][offset]);
     add_product_vector(&mut attitude, &phi.attitude[1], &cross[GYRO_BIAS][offset]);

@@ -103,10 +103,17 @@ fn position_covariance<const K: usize, const M: usize>(filter: &Filter<K, M>) ->
 
 /// Largest eigenvalue of the horizontal part, and the vertical variance.
 fn variances(p_e: &Matrix3<f64>, c_enu_e: &Matrix3<f64>) -> [f64; 2] {
-    let p = c_enu_e * p_e * c_enu_e.transpose();
-    let half = 0.5 * (p.m11 - p.m22);
-    let largest = 0.5 * (p.m11 + p.m22) + libm::sqrt(half * half + p.m12 * p.m12);
-    [largest, p.m33]
+    // Of the turned matrix only what the two need.
+    let [east, north, up] = [0, 1, 2].map(|axis| c_enu_e.row(axis).transpose());
+    let (of_east, of_north) = (p_e * east, p_e * north);
+    let (ee, en, nn) = (
+        of_east.dot(&east),
+        of_east.dot(&north),
+        of_north.dot(&north),
+    );
+    let half = 0.5 * (ee - nn);
+    let largest = 0.5 * (ee + nn) + libm::sqrt(half * half + en * en);
+    [largest, up.dot(&(p_e * up))]
 }
 
 /// One sigma of a separation, 0 where there is nothing to test, infinite where its variance is no number.

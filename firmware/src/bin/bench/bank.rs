@@ -31,6 +31,8 @@ const PEER_SATELLITES: [usize; 2] = [6, dense_bank::MAX];
 const PEER_RUNS: usize = 5;
 /// Usual epochs per row: more than half of all, so that the median is one of them.
 const USUAL: usize = 8;
+/// Epochs per row of a stage.
+const STAGE_RUNS: usize = 3;
 /// Distance to a satellite, m.
 const RANGE_M: f64 = 22_000e3;
 /// A fault that every filter with the satellite shows at once, m.
@@ -181,6 +183,9 @@ impl<const K: usize, const M: usize> Memory<K, M> {
             require(!verdict.detected, "a usual epoch has a fault");
             total.add(pass);
         }
+        if n == MAX_BANK {
+            self.stages(random, shared, &of);
+        }
         self.risk_rows(shared, bound, &of);
         let (pass, _) = self.measured(random, shared, n / 2, None);
         also(&mut held, &mut total, pass);
@@ -272,38 +277,91 @@ impl<const K: usize, const M: usize> Memory<K, M> {
     /// The epoch, as the monitor runs it.
     #[inline(never)]
     fn epoch(&mut self, shared: &Shared<'_>, n: usize) -> BankVerdict {
-        let Self {
-            bank,
-            main,
-            sub,
-            secondaries,
-            information,
-            ..
-        } = self;
-        main.predict(shared.transition, &mut self.predict_workspace);
-        bank.predict(shared.transition, sub, secondaries);
+        self.predict(shared);
+        self.admit(n);
+        self.update();
+        let verdict = self.test(shared);
+        self.correct();
+        verdict
+    }
+
+    /// Usual epochs in their stages.
+    #[inline(never)]
+    fn stages(&mut self, random: &mut Random, shared: &Shared<'_>, of: &Of) {
+        let [mut predict, mut admit, mut update] = [const { Row::new() }; 3];
+        let (mut test, mut rereference) = (Row::new(), Row::new());
+        for _ in 0..STAGE_RUNS {
+            self.observe(random);
+            predict.run(|| self.predict(black_box(shared)));
+            admit.run(|| self.admit(black_box(MAX_BANK)));
+            update.run(|| self.update());
+            test.run(|| {
+                black_box(self.test(black_box(shared)));
+            });
+            rereference.run(|| self.correct());
+        }
+        predict.print_of("bank/predict", of);
+        admit.print_of("bank/admit", of);
+        update.print_of("bank/update", of);
+        test.print_of("bank/test", of);
+        rereference.print_of("bank/rereference", of);
+    }
+
+    #[inline(never)]
+    fn predict(&mut self, shared: &Shared<'_>) {
+        self.main
+            .predict(shared.transition, &mut self.predict_workspace);
+        self.bank
+            .predict(shared.transition, &mut self.sub, &mut self.secondaries);
+    }
+
+    /// Births and deaths, and the sums of the epoch with its first `n` satellites.
+    #[inline(never)]
+    fn admit(&mut self, n: usize) {
         self.epochs += 1;
-        bank.admit(
+        self.bank.admit(
             &BankEpoch {
                 time: sky::TIME.plus_ns(self.epochs * NS_PER_S),
                 rows: &self.rows[..n],
                 hold_ns: 100 * NS_PER_S,
             },
+            &self.main,
+            &mut self.sub,
+            &mut self.secondaries,
+            &mut self.information,
+        );
+    }
+
+    #[inline(never)]
+    fn update(&mut self) {
+        self.main
+            .update(&self.information, &mut self.update_workspace);
+        self.bank.update(&mut self.sub, &mut self.secondaries);
+    }
+
+    /// Tests and levels, isolation where a test fails, exclusion.
+    #[inline(never)]
+    fn test(&mut self, shared: &Shared<'_>) -> BankVerdict {
+        let Self {
+            bank,
             main,
             sub,
             secondaries,
-            information,
-        );
-        main.update(information, &mut self.update_workspace);
-        bank.update(sub, secondaries);
+            ..
+        } = self;
         let verdict = bank.test(&shared.criterion, main, sub, secondaries);
         if let Some(satellite) = verdict.isolated {
             bank.exclude(satellite, main, sub, secondaries);
         }
-        let correction = *main.state();
-        main.rereference(&correction);
-        bank.rereference(&correction, sub, secondaries);
         verdict
+    }
+
+    #[inline(never)]
+    fn correct(&mut self) {
+        let correction = *self.main.state();
+        self.main.rereference(&correction);
+        self.bank
+            .rereference(&correction, &mut self.sub, &mut self.secondaries);
     }
 
     /// Whether every filter with the first `n` satellites is well.
