@@ -729,7 +729,7 @@
       };
       if (al === al) {
         if (Y(al) - b.y > 16) label(["system unavailable"], b.x + 8, b.y + 12, "left", "soft");
-        label(["normal", "operation"], b.x + 8, Math.min(Y(al) + 20, low - 20), "left", "nominal");
+        label(["normal", "operation"], b.x + 8, Y(al) + 0.36 * (low - Y(al)), "left", "nominal");
         if (X(al) - b.x > 110) label(["misleading", "information"], X(al) - 8, low - 20, "right", "second");
         if (right - X(al) > 190) label(["hazardously misleading information"], right - 6, low - 20, "right", "alert");
         else if (right - X(al) > 92) label(["hazardously", "misleading", "information"], right - 6, low - 28, "right", "alert");
