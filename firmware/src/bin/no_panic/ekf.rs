@@ -74,6 +74,12 @@ fn filter<const K: usize, const M: usize>(measurement: &CorrectedMeasurement) {
         &mut information,
         &EpochInformation::ZERO,
     );
+    call3(
+        EpochInformation::set_sum,
+        &mut information,
+        &EpochInformation::ZERO,
+        &EpochInformation::ZERO,
+    );
     call1(EpochInformation::rows, &information);
 
     let mut filter = Filter::<K, M>::EMPTY;
