@@ -211,13 +211,13 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
         latencies_s: told
             .epochs
             .iter()
-            .map(|e| seconds(e.sent - e.came))
+            .map(|e| seconds(e.sent - line.came(e.came)))
             .collect(),
         ages_s,
         worst_wait_s: told
             .epochs
             .iter()
-            .map(|e| seconds(e.begun - e.came))
+            .map(|e| seconds(e.begun - line.came(e.came)))
             .fold(0.0, f64::max),
         answer_bytes,
         worst_work: told.worst_work,

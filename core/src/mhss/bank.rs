@@ -697,6 +697,8 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 own.clone_from(copy);
             }
         }
+        // They had the satellite until now, with whatever was wrong with it.
+        self.begin_constellations(main, sub);
         self.begin_secondaries(sub, secondaries);
         Some(leaving)
     }

@@ -237,8 +237,18 @@ impl CorrelatedBound {
             }
         }
         self.main = base;
+        // The filters without a constellation begin as copies of the main one.
+        self.constellation = [base; MAX_CLOCKS];
+        self.constellation_separation = [[0.0; 2]; MAX_CLOCKS];
         if let Some(row) = self.rows.get_mut(place) {
             *row = None;
+        }
+    }
+
+    /// The same where all filters begin as copies of the new main one.
+    pub fn exclude_alone(&mut self, place: usize) {
+        if let Some(base) = self.sub.get(place).copied() {
+            self.begin_all(base);
         }
     }
 

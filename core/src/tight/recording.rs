@@ -64,6 +64,8 @@ pub(super) struct RecordingBank {
     postfit: PostfitLimits,
     probation: Probation,
     last_swap: Option<GpsTime>,
+    /// When the filters of the pairs last began as copies.
+    pairs_since: Option<GpsTime>,
     blind_since: Option<GpsTime>,
     alert_since: Option<GpsTime>,
     /// What an error common to the satellites of the epoch does to each, m.
@@ -85,6 +87,7 @@ impl RecordingBank {
         postfit: PostfitLimits::EMPTY,
         probation: Probation::EMPTY,
         last_swap: None,
+        pairs_since: None,
         blind_since: None,
         alert_since: None,
         common_m: Vec::new(),
@@ -98,6 +101,7 @@ impl RecordingBank {
         self.correlated.start(CORRELATED_RATIO, [0.0; 2]);
         self.probation.clear();
         self.last_swap = None;
+        self.pairs_since = None;
         self.blind_since = None;
         self.alert_since = None;
         self.opinion = None;
@@ -108,6 +112,11 @@ impl RecordingBank {
 fn of_satellite(common_m: &[(Satellite, f64)], satellite: Satellite) -> f64 {
     let found = common_m.iter().find(|(of, _)| *of == satellite);
     found.map_or(0.0, |(_, common_m)| *common_m)
+}
+
+/// Whether filters that began as copies still hold the same as each other.
+fn is_recent(since: Option<GpsTime>, now: GpsTime) -> bool {
+    since.is_some_and(|since| now.ns().saturating_sub(since.ns()) < BLIND_NS)
 }
 
 /// What an epoch of the bank is made of, besides the filters.
@@ -426,6 +435,7 @@ impl TightMonitor {
         {
             recording.correlated.exclude(left);
             recording.last_swap = Some(place.time);
+            recording.pairs_since = Some(place.time);
         }
         bank.hold_on(place.time, HOLD_NS, HOLD_WORTH_M);
         bank.admit(
@@ -477,15 +487,25 @@ impl TightMonitor {
             let explains = verdict.detected;
             explains.then(|| bank.explain(&recording.postfit, true, sub, secondaries))?
         });
+        let mut still_fails = verdict.detected;
         let excluded = match explanation {
             None => false,
             Some(Explanation::One(satellite)) => {
                 let left = bank.place(satellite);
-                let excluded = bank.exclude(satellite, main, sub, secondaries);
-                if let Some(left) = left {
-                    correlated.exclude(left);
+                if is_recent(recording.pairs_since, place.time) {
+                    let excluded = bank.exclude_alone(satellite, main, sub, secondaries);
+                    if let Some(left) = left {
+                        correlated.exclude_alone(left);
+                    }
+                    recording.blind_since = Some(place.time);
+                    excluded
+                } else {
+                    let excluded = bank.exclude(satellite, main, sub, secondaries);
+                    if let Some(left) = left {
+                        correlated.exclude(left);
+                    }
+                    excluded
                 }
-                excluded
             }
             Some(Explanation::Two(satellites)) => {
                 let [one, other] = satellites.map(|satellite| bank.place(satellite));
@@ -513,15 +533,18 @@ impl TightMonitor {
                 sub,
                 secondaries,
             );
+            still_fails = after.detected;
             verdict = BankVerdict {
+                detected: true,
                 isolated: verdict.isolated,
                 ..after
             };
         }
-        let is_blind = recording
-            .blind_since
-            .is_some_and(|since| place.time.ns().saturating_sub(since.ns()) < BLIND_NS);
-        let is_alerted = verdict.detected || recording.withheld;
+        if explanation.is_some() {
+            recording.pairs_since = Some(place.time);
+        }
+        let is_blind = is_recent(recording.blind_since, place.time);
+        let is_alerted = still_fails || recording.withheld;
         let levels_m = if is_alerted || is_blind {
             [None; 2]
         } else {

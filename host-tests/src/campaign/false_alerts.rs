@@ -36,7 +36,7 @@ pub const SETTLED_S: usize = 10;
 /// Different flights.
 pub const FLIGHTS: u64 = 16;
 /// Trials from one with all cases to the next; shares no factor with [`FLIGHTS`].
-pub const EVERY: u64 = 5;
+pub const EVERY: u64 = 11;
 /// Confidence of the lower bound of a rate.
 pub const CONFIDENCE: f64 = 0.99;
 

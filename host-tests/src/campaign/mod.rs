@@ -13,6 +13,7 @@
 //! a count is, `figure.rs` draws.
 
 pub mod binomial;
+pub mod double_faults;
 pub mod errors;
 pub mod false_alerts;
 pub mod figure;
@@ -116,6 +117,8 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
         || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
+        || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
+        || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
     {
         return Ok(());
     }

@@ -29,8 +29,7 @@ use crate::simulate::inertial::sensors::Grade;
 /// First sigma of the clock offset of a further constellation, m.
 const SIGMA_OFFSET_M: f64 = 3000.0;
 
-/// How long all filters hold the same after two satellites or a constellation were excluded, ns: as the
-/// product has it.
+/// How long filters that began as copies hold the same, ns: as the product has it.
 const BLIND_NS: i64 = 120 * NS_PER_S;
 
 /// Probability that the residuals of rows without a fault do not fit.
@@ -134,7 +133,8 @@ pub struct RigSetup {
     pub inter_system_psd: f64,
     /// Have a filter without each constellation.
     pub constellations: bool,
-    /// Look for two satellites or a constellation where no single satellite explains a failed test.
+    /// Look for two satellites or a constellation where no single satellite explains a failed test, and mind
+    /// filters of pairs that are young, as the product does.
     pub explain: bool,
 }
 
@@ -215,6 +215,7 @@ pub struct Rig<const K: usize, const M: usize> {
     quantiles: Vec<SeparationQuantiles>,
     limits: PostfitLimits,
     setup: Option<RigSetup>,
+    pairs_since: Option<GpsTime>,
     blind_since: Option<GpsTime>,
 }
 
@@ -247,6 +248,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             quantiles: Vec::new(),
             limits: PostfitLimits::EMPTY,
             setup: None,
+            pairs_since: None,
             blind_since: None,
         }
     }
@@ -279,6 +281,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             self.navigator.reset_clock(column, 0.0, SIGMA_OFFSET_M);
         }
         self.bank.clear();
+        self.pairs_since = None;
         self.blind_since = None;
         Ok(())
     }
@@ -303,6 +306,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             quantiles,
             limits,
             setup,
+            pairs_since,
             blind_since,
         } = self;
         let setup = setup.as_ref().context("the rig is not started")?;
@@ -328,6 +332,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
                 bound.begin_constellation(constellation);
             }
         }
+        bank.note_predictions(main, sub, &c_enu_e);
         navigator.update_lent(main);
         bank.update(sub, secondaries);
         if setup.constellations {
@@ -361,12 +366,19 @@ impl<const K: usize, const M: usize> Rig<K, M> {
             excluded = bank.explain(limits, setup.vertical, sub, secondaries);
         }
         let excluded = excluded.filter(|_| setup.exclude);
+        let is_recent =
+            |since: &Option<GpsTime>| since.is_some_and(|since| time.ns() - since.ns() < BLIND_NS);
         if let Some(explanation) = excluded {
-            if !matches!(explanation, Explanation::One(_)) {
+            let young = setup.explain && is_recent(pairs_since);
+            *pairs_since = Some(time);
+            if young || !matches!(explanation, Explanation::One(_)) {
                 *blind_since = Some(time);
             }
-            leave_out(explanation, bound, bank);
+            leave_out(explanation, young, bound, bank);
             match explanation {
+                Explanation::One(satellite) if young => {
+                    bank.exclude_alone(satellite, main, sub, secondaries)
+                }
                 Explanation::One(satellite) => bank.exclude(satellite, main, sub, secondaries),
                 Explanation::Two(two) => bank.exclude_two(two, main, sub, secondaries),
                 Explanation::Constellation(system) => {
@@ -382,7 +394,7 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         Ok(RigEpoch {
             verdicts,
             excluded,
-            blind: blind_since.is_some_and(|since| time.ns() - since.ns() < BLIND_NS),
+            blind: is_recent(blind_since),
             r_e_m: navigator.antenna(time).r_e_m,
         })
     }
@@ -428,6 +440,7 @@ fn solve<const K: usize, const M: usize>(
 /// The bound follows an exclusion that the bank has yet to make.
 fn leave_out<const K: usize, const M: usize>(
     explanation: Explanation,
+    young: bool,
     bound: &mut CorrelatedBound,
     bank: &Bank<K, M>,
 ) {
@@ -435,7 +448,11 @@ fn leave_out<const K: usize, const M: usize>(
     match explanation {
         Explanation::One(satellite) => {
             if let Some(place) = place_of(satellite) {
-                bound.exclude(place);
+                if young {
+                    bound.exclude_alone(place);
+                } else {
+                    bound.exclude(place);
+                }
             }
         }
         Explanation::Two([one, other]) => {

@@ -45,6 +45,15 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         begun
     }
 
+    /// The filters without a constellation begin anew as copies of the main one.
+    pub(super) fn begin_constellations(&self, main: &Filter<K, M>, sub: &mut SubFilters<K, M>) {
+        for (own, place) in sub.constellations.iter_mut().zip(&self.constellations) {
+            if place.is_some() {
+                own.clone_from(main);
+            }
+        }
+    }
+
     /// Updates the filters without a constellation, each with the satellites of the others.
     #[inline(never)]
     pub fn update_constellations(&mut self, sub: &mut SubFilters<K, M>) {

@@ -98,6 +98,25 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.place_of(satellite)
     }
 
+    /// Leaves a satellite out while the filters of the pairs are young, copies made at an exclusion shortly
+    /// before: those without it hold what it did until then, which may have been its fault already. The filter
+    /// without it, which does not, becomes the main one and all others begin as copies of it. False when it is
+    /// not in the bank.
+    #[inline(never)]
+    pub fn exclude_alone(
+        &mut self,
+        satellite: Satellite,
+        main: &mut Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+        secondaries: &mut Secondaries<K, M>,
+    ) -> bool {
+        let is_excluded = self.exclude(satellite, main, sub, secondaries);
+        if is_excluded {
+            self.begin_all(main, sub, secondaries);
+        }
+        is_excluded
+    }
+
     /// Leaves two satellites out: the filter without both becomes the main one and all others begin as
     /// copies of it. False when one is not in the bank.
     #[inline(never)]

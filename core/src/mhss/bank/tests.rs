@@ -449,3 +449,53 @@ fn an_empty_bank_has_no_level_but_the_fault_free_one() {
     *fixture.sub(1) = filter([0.0; 3], 2.0);
     assert_eq!(fixture.test().isolated, Some(sat(1)));
 }
+
+/// The filter without a constellation had the satellite until now; so had the young filters of pairs.
+#[test]
+fn no_filter_keeps_what_an_excluded_satellite_did() {
+    let two_constellations = || {
+        let mut fixture = Fixture::new();
+        let mut rows: Vec<_> = [1, 2, 3].map(|prn| row(prn, 1.0)).into();
+        let bds = Satellite::new(System::Bds, 30).unwrap();
+        rows.push(BankRow {
+            satellite: bds,
+            row: row(4, 1.0).row,
+        });
+        let epoch = BankEpoch {
+            time: GpsTime::from_ns(0),
+            rows: &rows,
+            hold_ns: 0,
+        };
+        let (sub, secondaries) = (&mut *fixture.sub, &mut *fixture.secondaries);
+        let information = &mut fixture.information;
+        fixture
+            .bank
+            .admit(&epoch, &fixture.main, sub, secondaries, information);
+        let begun = fixture.bank.monitor_constellations(&fixture.main, sub);
+        assert_eq!(begun.iter().filter(|begins| **begins).count(), 2);
+        for (place, filter) in sub.constellations.iter_mut().enumerate() {
+            *filter = marked(20.0 + place as f64);
+        }
+        *fixture.sub(2) = marked(2.0);
+        *fixture.secondary(1, 2) = marked(12.0);
+        fixture
+    };
+    let systems = [System::Gps, System::Bds].map(System::index);
+    let mut fixture = two_constellations();
+    assert!(fixture.exclude(2));
+    assert_eq!(fixture.main, marked(2.0));
+    assert_eq!(*fixture.sub(1), marked(12.0));
+    for system in systems {
+        assert_eq!(fixture.sub.constellations[system], marked(2.0));
+    }
+    let mut fixture = two_constellations();
+    let (sub, secondaries) = (&mut *fixture.sub, &mut *fixture.secondaries);
+    let main = &mut fixture.main;
+    assert!(fixture.bank.exclude_alone(sat(2), main, sub, secondaries));
+    assert!(!fixture.bank.exclude_alone(sat(2), main, sub, secondaries));
+    assert_eq!(*fixture.sub(1), marked(2.0));
+    assert_eq!(*fixture.secondary(1, 3), marked(2.0));
+    for system in systems {
+        assert_eq!(fixture.sub.constellations[system], marked(2.0));
+    }
+}
