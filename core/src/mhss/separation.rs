@@ -138,8 +138,11 @@ pub(super) fn is_surely_quiet<const K: usize, const M: usize>(
     let (x, y, z) = (c_enu_e.m31, c_enu_e.m32, c_enu_e.m33);
     let up = x * way_x + y * way_y + z * way_z;
     let whole = way_x * way_x + way_y * way_y + way_z * way_z;
-    let (of_more, of_less) = (more.block(POSITION), less.block(POSITION));
-    let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|k| of_less[k] - of_more[k]);
+    let mut difference = less.block(POSITION);
+    for (entry, of_more) in difference.iter_mut().zip(more.block(POSITION)) {
+        *entry -= of_more;
+    }
+    let [xx, xy, xz, yy, yz, zz] = difference;
     let vertical =
         x * (x * xx + 2.0 * (y * xy + z * xz)) + y * (y * yy + 2.0 * z * yz) + z * z * zz;
     let horizontal = 0.5 * (xx + yy + zz - vertical);
