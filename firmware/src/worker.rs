@@ -151,7 +151,9 @@ impl Worker {
         let Some(rate) = board::ticks_per_second() else {
             return false;
         };
-        let (rate, bits) = (i64::from(rate), 10 * REPORT_FRAME_LENGTH as i64);
+        // What the bytes and the report take on their lines, or wait there.
+        let bytes = REPORT_FRAME_LENGTH as i64 + i64::from(board::RECEIVE_DELAY);
+        let rate = i64::from(rate);
         // The shortest that was ever known: epochs that were lost are no slower receiver.
         let known_ns = self.monitor.epoch_interval_ns();
         self.interval_ns = match (self.interval_ns, known_ns) {
@@ -160,8 +162,8 @@ impl Worker {
         };
         let interval_ns = self.interval_ns.unwrap_or(SHORTEST_INTERVAL_NS);
         let interval = rate * interval_ns / 1_000_000_000;
-        let sending = rate * bits / i64::from(board::BAUD);
-        i64::from(board::ticks().wrapping_sub(came)) > interval - sending
+        let on_lines = rate * 10 * bytes / i64::from(board::BAUD);
+        i64::from(board::ticks().wrapping_sub(came)) > interval - on_lines
     }
 
     #[inline(never)]

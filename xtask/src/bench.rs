@@ -3,8 +3,9 @@
 //!
 //! The image measures itself with a timer under QEMU's instruction clock (`-icount`), so a figure
 //! is a count of instructions, the same in every run, and not a time. It prints one line per row,
-//! `row stage n_sats n_states filters instr_median instr_worst stack_b [pass]`, `-` where there is
-//! nothing; `pass` is the number of one measured pass of that row, counted from 0 over all rows.
+//! `row stage n_sats n_states filters instr_median instr_worst stack_b ram_b pass`, `-` where there is
+//! nothing; `pass` is the number of one measured pass of that row, counted from 0 over all rows. Its last line
+//! is `end`: an image that was reset, as by a full stack, prints none.
 
 use std::fmt::{self, Write};
 use std::fs;
@@ -25,10 +26,16 @@ const LEAST_SQUARES: &str = "raim/ls";
 const PARITY_TEST: &str = "raim/parity_test";
 const PARITY: &str = "raim/parity";
 
+/// All filters of an epoch, and the bound for correlated errors on top.
+const BANK: &str = "bank/total";
+const CORRELATED: &str = "bank/correlated";
+
 /// Executed instructions that a stage may take. The test with one constellation (three unknowns of
 /// position and one clock): what plain C takes for the same work. A sample at 100 Hz and an epoch of one
-/// filter at 1 Hz: what leaves a microcontroller room for the bank.
-const BARS: [Bar; 7] = [
+/// filter at 1 Hz: what leaves a microcontroller room for the bank. The whole bank, also where all
+/// satellites are new and one is excluded: what leaves room for ten epochs a second; with a clock state more
+/// 12 % more; the bound 2,000 per filter.
+const BARS: [Bar; 15] = [
     Bar::new(PARITY, Some(8), ONE_CLOCK, 7_300),
     Bar::new(PARITY, Some(12), ONE_CLOCK, 15_000),
     Bar::new(PARITY, Some(24), ONE_CLOCK, 54_000),
@@ -36,10 +43,27 @@ const BARS: [Bar; 7] = [
     Bar::new("ins/intake+mechanisation", None, None, 6_000),
     Bar::new("ekf/process", None, None, 100_000),
     Bar::new("ekf/predict+update", Some(12), ONE_FILTER, 13_000),
+    Bar::new(BANK, Some(12), ONE_FILTER, 950_000),
+    Bar::new(BANK, Some(16), ONE_FILTER, 1_650_000),
+    Bar::new(BANK, Some(24), ONE_FILTER, 3_600_000),
+    Bar::new(BANK, Some(12), WITH_OFFSET, 1_064_000),
+    Bar::new(BANK, Some(16), WITH_OFFSET, 1_848_000),
+    Bar::new(BANK, Some(24), WITH_OFFSET, 4_032_000),
+    Bar::new(CORRELATED, Some(12), ONE_FILTER, 79 * 2_000),
+    Bar::new(CORRELATED, Some(24), ONE_FILTER, 301 * 2_000),
 ];
 
 const ONE_CLOCK: Option<u64> = Some(4);
 const ONE_FILTER: Option<u64> = Some(17);
+const WITH_OFFSET: Option<u64> = Some(18);
+
+/// The stages that walk over all filters. Each goes through its own code once per filter, and has to find it in the
+/// instruction cache again at the next filter.
+const WALKS: [&str; 2] = ["bank/predict", "bank/update"];
+
+/// Stack of an epoch of the bank; code of a walk: the instruction cache of a Cortex-M7.
+const MAX_BANK_STACK_B: u64 = 16 * 1024;
+const MAX_BANK_CODE_B: u64 = 16 * 1024;
 
 /// What [P1] claims the least-squares residual method costs more than the parity method.
 const CLAIMED_RATIO: f64 = 2.7;
@@ -181,9 +205,15 @@ fn counted(workspace: &Workspace, image: &Path, counter: &Counter) -> Result<Vec
     let mut rows = parse(&printed)?;
     let passes = counter.passes();
     for row in &mut rows {
-        row.f64_ops = row
+        let counts = row
             .pass
-            .and_then(|pass| passes.get(usize::try_from(pass).ok()?).copied());
+            .and_then(|pass| passes.get(usize::try_from(pass).ok()?));
+        row.f64_ops = counts.map(|counts| counts.f64_ops);
+        if row.stage == BANK || WALKS.contains(&row.stage.as_str()) {
+            row.text_b = counts
+                .zip(row.filters)
+                .and_then(|(counts, filters)| counts.code_b(filters));
+        }
     }
     Ok(rows)
 }
@@ -196,7 +226,7 @@ fn emulate(
 ) -> std::result::Result<String, Trouble> {
     let mut qemu = command(workspace, "qemu-system-arm");
     qemu.args(["-M", setup::BOARD, "-display", "none", "-monitor", "none"])
-        .args(["-serial", "null"])
+        .args(["-serial", "null", "-no-reboot"])
         .args(["-semihosting-config", "enable=on,target=native"])
         .args(["-icount", "shift=6,sleep=off", "-kernel"])
         .arg(image);
@@ -235,6 +265,12 @@ fn weigh(board: &str, image: &Path) -> Result<Row> {
 /// The rows among the lines of the benchmark.
 fn parse(printed: &str) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
+    if !printed.lines().any(|line| line == "end") {
+        return Err(Failure::new(
+            format!("the benchmark did not come to its end: {}", ending(printed)),
+            "the board was reset by a panic, a fault or a full stack: build nothing large on the stack",
+        ));
+    }
     for line in printed.lines() {
         let Some(fields) = line.strip_prefix("row ") else {
             continue;
@@ -255,6 +291,11 @@ fn parse(printed: &str) -> Result<Vec<Row>> {
     Ok(rows)
 }
 
+/// The last line printed.
+fn ending(printed: &str) -> &str {
+    printed.lines().last().unwrap_or("it printed nothing")
+}
+
 fn row(fields: &str) -> Option<Row> {
     let mut words = fields.split_whitespace();
     let stage = words.next()?.to_owned();
@@ -270,13 +311,11 @@ fn row(fields: &str) -> Option<Row> {
         instr_median: number()?,
         instr_worst: number()?,
         stack_b: number()?,
+        ram_b: number()?,
+        pass: number()?,
         ..Row::default()
     };
-    let pass = match words.next() {
-        Some(digits) => Some(digits.parse().ok()?),
-        None => None,
-    };
-    words.next().is_none().then_some(Row { pass, ..row })
+    words.next().is_none().then_some(row)
 }
 
 /// The row of a stage for a sky with one constellation.
@@ -339,7 +378,57 @@ fn table(rows: &[Row]) -> String {
             ratio(PARITY)
         );
     }
+    text.push_str(&growth(rows));
     text
+}
+
+/// How the bank grows with the number of satellites: N, filters, instructions per filter, and the exponent of
+/// a power of N fitted to them; then what a clock state more costs.
+fn growth(rows: &[Row]) -> String {
+    let of = |n_states: Option<u64>| {
+        let rows = rows.iter().filter(move |row| row.stage == BANK);
+        rows.filter(move |row| row.n_states == n_states)
+            .filter_map(|row| Some((row.n_sats?, row.filters?, row.instr_median?)))
+    };
+    let mut text = String::new();
+    let points: Vec<(f64, f64)> = of(ONE_FILTER)
+        .map(|(n_sats, _, median)| (n_sats as f64, median as f64))
+        .collect();
+    let Some(exponent) = exponent(&points) else {
+        return text;
+    };
+    text.push('\n');
+    for (n_sats, filters, median) in of(ONE_FILTER) {
+        let _ = write!(
+            text,
+            "bank of 17 states, N = {n_sats:>2}: {filters:>3} filters, {median:>7} instructions, {:>5} per filter",
+            median / filters.max(1)
+        );
+        let more = of(WITH_OFFSET).find(|(n, ..)| *n == n_sats);
+        if let Some((.., with_offset)) = more {
+            let _ = write!(
+                text,
+                "; of 18 states {:+.1} %",
+                100.0 * (with_offset as f64 / median as f64 - 1.0)
+            );
+        }
+        text.push('\n');
+    }
+    let _ = writeln!(text, "bank of 17 states: grows as N^{exponent:.2}");
+    text
+}
+
+/// The exponent of the power of x that fits y best, by least squares of the logarithms.
+fn exponent(points: &[(f64, f64)]) -> Option<f64> {
+    let n = points.len() as f64;
+    let logs = || points.iter().map(|(x, y)| (x.ln(), y.ln()));
+    let (x_mean, y_mean) = (
+        logs().map(|(x, _)| x).sum::<f64>() / n,
+        logs().map(|(_, y)| y).sum::<f64>() / n,
+    );
+    let xx: f64 = logs().map(|(x, _)| (x - x_mean) * (x - x_mean)).sum();
+    let xy: f64 = logs().map(|(x, y)| (x - x_mean) * (y - y_mean)).sum();
+    (xx > 0.0).then(|| xy / xx)
 }
 
 /// Every bar, met or not; a figure that is missing is not met.
@@ -356,6 +445,13 @@ fn judge(rows: &[Row]) -> Result {
             None => missed.push(format!("{bar} was not measured")),
         }
     }
+    for row in rows {
+        if row.stage == BANK {
+            missed.extend(over_bytes(row));
+        } else if WALKS.contains(&row.stage.as_str()) {
+            missed.extend(over_code(row));
+        }
+    }
     if missed.is_empty() {
         return Ok(());
     }
@@ -363,6 +459,37 @@ fn judge(rows: &[Row]) -> Result {
         missed.join("; "),
         "make it cheaper; `cargo xtask bench` shows every figure",
     ))
+}
+
+/// Which bytes of a row of the bank are above their bars. RAM: state and packed covariance of every filter, and
+/// 3 %.
+fn over_bytes(row: &Row) -> Vec<String> {
+    let n_states = row.n_states.unwrap_or(0);
+    let per_filter_b = 8 * (n_states * (n_states + 1) / 2 + n_states);
+    let max_ram_b = row.filters.unwrap_or(0) * per_filter_b * 103 / 100;
+    let ram = over(row, "RAM", row.ram_b, max_ram_b);
+    let stack = over(row, "stack", row.stack_b, MAX_BANK_STACK_B);
+    ram.into_iter().chain(stack).collect()
+}
+
+/// The code of a walk over filters of 17 states, where something counts it.
+fn over_code(row: &Row) -> Option<String> {
+    row.text_b
+        .filter(|_| row.n_states == ONE_FILTER)
+        .and_then(|code_b| over(row, "code", Some(code_b), MAX_BANK_CODE_B))
+}
+
+fn over(row: &Row, what: &str, bytes: Option<u64>, limit: u64) -> Option<String> {
+    let is_within = bytes.is_some_and(|bytes| bytes <= limit);
+    let bytes = bytes.map_or_else(|| "unknown".to_owned(), |bytes| bytes.to_string());
+    (!is_within).then(|| {
+        format!(
+            "{} of {} states with {} satellites: {what} {bytes} bytes, the bar is {limit}",
+            row.stage,
+            row.n_states.unwrap_or(0),
+            row.n_sats.unwrap_or(0),
+        )
+    })
 }
 
 /// The form of DESIGN section 5.
@@ -415,22 +542,76 @@ fn quoted(text: &str) -> String {
 mod tests {
     use super::*;
 
-    const PRINTED: &str = "surefix benchmark\nrow raim/ls 8 4 - 14000 14100 900\n\
-        row raim/parity 8 4 - 7000 7200 800\nrow raim/parity 12 4 - 14000 14500 -\n\
-        row raim/parity 24 4 - 50000 54001 -\nrow raim/parity 24 6 - 60000 60001 -\n\
-        row decode 8 - - 5 5 -\nrow ins/mechanisation - - - 700 700 -\n\
-        row ins/intake+mechanisation - - - 1200 1200 -\nrow ekf/process - - - 99999 100000 -\n\
-        row ekf/predict+update 12 17 - 11000 11000 -\n";
+    const PRINTED: &str = "surefix benchmark\nrow raim/ls 8 4 - 14000 14100 900 - 0\n\
+        row raim/parity 8 4 - 7000 7200 800 - 1\nrow raim/parity 12 4 - 14000 14500 - - 2\n\
+        row raim/parity 24 4 - 50000 54001 - - 3\nrow raim/parity 24 6 - 60000 60001 - - 4\n\
+        row decode 8 - - 5 5 - - 5\nrow ins/mechanisation - - - 700 700 - - 6\n\
+        row ins/intake+mechanisation - - - 1200 1200 - - 7\n\
+        row ekf/process - - - 99999 100000 - - 8\n\
+        row ekf/predict+update 12 17 - 11000 11000 - - 9\n\
+        row bank/total 12 17 79 910000 940000 1152 108072 10\n\
+        row bank/total 16 17 137 1600000 1640000 1152 187416 11\n\
+        row bank/total 24 17 301 3500000 3590000 1152 411768 12\n\
+        row bank/total 12 18 79 1020000 1060000 1264 121344 13\n\
+        row bank/total 16 18 137 1800000 1840000 1264 210432 14\n\
+        row bank/total 24 18 301 3920000 4030000 1264 462336 15\n\
+        row bank/correlated 12 17 79 33000 33001 1032 - 16\n\
+        row bank/correlated 24 17 301 82000 82001 1032 - 17\nend\n";
 
     #[test]
     fn rows_are_read_and_other_lines_ignored() {
         let rows = parse(PRINTED).unwrap();
-        assert_eq!(rows.len(), 10);
+        assert_eq!(rows.len(), 18);
         assert_eq!(rows[0].instr_worst, Some(14_100));
         assert_eq!(rows[5].n_states, None);
-        assert!(parse("row raim/ls 8 x - 1 1 1").is_err());
-        assert!(parse("row raim/ls 8").is_err());
-        assert!(parse("panicked").is_err());
+        assert_eq!((rows[10].ram_b, rows[10].pass), (Some(108_072), Some(10)));
+        assert!(parse("row raim/ls 8 x - 1 1 1 - 0\nend").is_err());
+        assert!(parse("row raim/ls 8\nend").is_err());
+        assert!(parse("panicked\nend").is_err());
+        let cut = parse("row raim/ls 8 4 - 1 1 1 - 0\n").unwrap_err();
+        assert!(cut.what.contains("did not come to its end"), "{cut}");
+    }
+
+    #[test]
+    fn the_bank_is_held_to_its_worst_epoch_and_its_bytes() {
+        let mut rows = parse(PRINTED).unwrap();
+        rows[3].instr_worst = Some(54_000);
+        assert!(judge(&rows).is_ok());
+        for (change, said) in [
+            (
+                (|row| row.instr_worst = Some(950_001)) as fn(&mut Row),
+                "takes 950001",
+            ),
+            (|row| row.stack_b = Some(16_385), "stack 16385 bytes"),
+            (|row| row.ram_b = None, "RAM unknown"),
+            (|row| row.ram_b = Some(79 * 1360 * 104 / 100), "RAM 111737"),
+            (
+                |row| {
+                    row.stage = "bank/update".to_owned();
+                    row.text_b = Some(16_385);
+                },
+                "code 16385",
+            ),
+        ] {
+            let mut changed = rows.clone();
+            change(&mut changed[10]);
+            let failure = judge(&changed).unwrap_err();
+            assert!(failure.what.contains(said), "{failure}");
+        }
+    }
+
+    #[test]
+    fn growth_is_the_power_of_the_number_of_satellites() {
+        let square = [(6.0, 72.0), (12.0, 288.0), (24.0, 1152.0)];
+        assert!((exponent(&square).unwrap() - 2.0).abs() < 1e-12);
+        assert_eq!(exponent(&square[..1]), None);
+        let text = table(&parse(PRINTED).unwrap());
+        assert!(
+            text.contains("N = 24: 301 filters, 3500000 instructions"),
+            "{text}"
+        );
+        assert!(text.contains("of 18 states +12.1 %"), "{text}");
+        assert!(text.contains("grows as N^1.94"), "{text}");
     }
 
     #[test]
@@ -464,7 +645,7 @@ mod tests {
             "{line}"
         );
         assert!(line.contains("2.00 when"), "{line}");
-        assert!(!text.contains("N = 12"));
+        assert!(!text.contains("N = 12: least"));
     }
 
     #[test]

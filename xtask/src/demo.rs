@@ -1,4 +1,5 @@
-//! `cargo xtask demo`: an approach with a faulted satellite, flown through the emulated Cortex-M7.
+//! `cargo xtask demo`: an approach with an inertial unit and a faulted satellite, flown through the
+//! emulated Cortex-M7.
 //!
 //! A thin layer over three commands anyone can type; each is printed before it runs.
 
@@ -33,26 +34,31 @@ pub fn run(workspace: &Workspace) -> Result {
     surefix(
         workspace,
         &[
-            "simulate",
-            "approach",
-            "--seed",
-            "1",
-            "--ionosphere",
-            "klobuchar",
-            "--fault",
-            FAULT,
-            "--out",
-            FOLDER,
+            "simulate", "lpv200", "--seed", "1", "--fault", FAULT, "--out", FOLDER,
         ],
     )?;
     let receiver = format!("{FOLDER}/receiver.rtcm3");
+    let unit = format!("{FOLDER}/imu.sfx");
     let truth = format!("{FOLDER}/truth.csv");
     let results = format!("{FOLDER}/results");
     surefix(
         workspace,
         &[
-            "replay", "--gnss", &receiver, "--truth", &truth, "--phase", "lpv200", "--on", "qemu",
-            "--out", &results,
+            "replay",
+            "--gnss",
+            &receiver,
+            "--imu",
+            &unit,
+            "--truth",
+            &truth,
+            "--phase",
+            "lpv200",
+            "--ionosphere",
+            "none",
+            "--on",
+            "qemu",
+            "--out",
+            &results,
         ],
     )?;
 

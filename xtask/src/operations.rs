@@ -1,6 +1,6 @@
-//! Counts f64 operations on the emulated board, with a QEMU plugin that is compiled when used.
+//! Counts f64 operations and bytes of code on the emulated board, with a QEMU plugin that is compiled when used.
 //!
-//! The instruction clock counts instructions and not their kind. A C compiler is needed and not
+//! The instruction clock counts instructions, not their kind and not where they lie. A C compiler is needed and not
 //! everywhere there; without one, or with a QEMU that does not take the plugin, nothing is counted.
 
 use std::fs;
@@ -72,9 +72,52 @@ impl Counter {
         qemu.args(["-plugin", &self.argument]);
     }
 
-    /// The count of every pass, in order.
-    pub fn passes(&self) -> Vec<u64> {
+    /// What was counted of every pass, in order.
+    pub fn passes(&self) -> Vec<Counts> {
         let text = fs::read_to_string(&self.counts).unwrap_or_default();
-        text.lines().map_while(|line| line.parse().ok()).collect()
+        text.lines().map_while(Counts::read).collect()
+    }
+}
+
+/// What the plugin counts of one pass.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Counts {
+    /// f64 operations.
+    pub f64_ops: u64,
+    /// Bytes of code executed at least 1, 2, 4, … times.
+    code_b: Vec<u64>,
+}
+
+impl Counts {
+    fn read(line: &str) -> Option<Self> {
+        let mut numbers = line.split_whitespace().map(|word| word.parse().ok());
+        Some(Self {
+            f64_ops: numbers.next()??,
+            code_b: numbers.collect::<Option<_>>()?,
+        })
+    }
+
+    /// Bytes of code executed `times` times or more often, `times` taken down to a power of two.
+    pub fn code_b(&self, times: u64) -> Option<u64> {
+        let power = times.checked_ilog2()?;
+        self.code_b.get(usize::try_from(power).ok()?).copied()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn code_is_that_executed_so_often() {
+        let counts = Counts::read("12 100 80 8 4").unwrap();
+        assert_eq!(counts.f64_ops, 12);
+        assert_eq!(counts.code_b(1), Some(100));
+        assert_eq!(counts.code_b(7), Some(8));
+        assert_eq!(counts.code_b(8), Some(4));
+        assert_eq!(counts.code_b(16), None);
+        assert_eq!(counts.code_b(0), None);
+        assert_eq!(Counts::read("12 x"), None);
+        assert_eq!(Counts::read(""), None);
     }
 }

@@ -12,7 +12,7 @@
 //! ```
 //!
 //! No square root, no inverse, no branch on rank. Derivation and the comparison with other forms:
-//! docs/decisions/005-tight-filter.md. Equations replaced: [P0] (11)-(13). Cost: 6,200 instructions on
+//! docs/decisions/005-tight-filter.md. Equations replaced: [P0] (11)-(13). Cost: 5,700 instructions on
 //! a Cortex-M7 with M = 8, `joint.rs` included.
 
 #![expect(

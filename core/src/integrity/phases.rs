@@ -18,7 +18,7 @@
 //! | phases | exposure | integrity risk | false alerts | source |
 //! |---|---|---|---|---|
 //! | oceanic to LNAV | 1 h | 1e-7 | 1e-5 | [ICAO-A10] table 3.7.2.4-1: 1e-7/h; [DO-229] RAIM: 1e-5/h |
-//! | LNAV/VNAV to APV-II | 150 s | 1e-7 | 4e-5 | the same table: 2e-7 per approach, continuity 8e-6 per 15 s; half of each for satellites that fail and alerts without a fault, as [ARAIM] has it |
+//! | LNAV/VNAV to APV-II | 150 s | 1e-7 | 4e-5 | the same table: 2e-7 per approach, continuity 8e-6 per 15 s; half of each for satellites that fail and alerts without a fault, as [ARAIM-ADD] has it |
 //!
 //! Keys: docs/references.md.
 

@@ -14,7 +14,7 @@
 //! Two forms, one interface ([`LevelForm`]):
 //!
 //! * fixed, [P0] (30)-(32): max(max_k (T_k + σ_k Q⁻¹(P_MD)), σ_0 Q⁻¹(P_H0/2));
-//! * risk budget, after the reference algorithm of [ARAIM]: the least L with
+//! * risk budget, after the reference algorithm of [ARAIM-ADD]: the least L with
 //!   n (R(L/σ_0) + Σ_k p_k R((L − T_k)/σ_k)) ≤ P − P_unmonitored, where R(x) = 2 Q(x) vertically and
 //!   exp(−x²/2) horizontally, which bounds the probability that a horizontal error of at most σ in every
 //!   direction is longer than xσ.
@@ -38,7 +38,7 @@ pub struct FaultPriors {
     pub satellite: f64,
     /// That a satellite that was excluded once and taken back is.
     pub readmitted: f64,
-    /// That a constellation is, by its number. [ARAIM] suggests 1e-4 for those without a commitment, 1e-8 for
+    /// That a constellation is, by its number. [ARAIM-ADD] suggests 1e-4 for those without a commitment, 1e-8 for
     /// GPS.
     pub constellation: [f64; MAX_CLOCKS],
 }

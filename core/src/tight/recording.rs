@@ -492,6 +492,7 @@ impl TightMonitor {
             let is_known = !(is_young && matches!(explanation, Explanation::Constellation(_)));
             is_known.then_some(explanation)
         });
+        let mut still_fails = verdict.detected;
         let excluded = match explanation {
             None => false,
             Some(Explanation::One(satellite)) => {
@@ -537,7 +538,9 @@ impl TightMonitor {
                 sub,
                 secondaries,
             );
+            still_fails = after.detected;
             verdict = BankVerdict {
+                detected: true,
                 isolated: verdict.isolated,
                 ..after
             };
@@ -546,7 +549,7 @@ impl TightMonitor {
             recording.pairs_since = Some(place.time);
         }
         let is_blind = is_recent(recording.blind_since, place.time);
-        let is_alerted = verdict.detected || recording.withheld;
+        let is_alerted = still_fails || recording.withheld;
         let levels_m = if is_alerted || is_blind {
             [None; 2]
         } else {

@@ -9,7 +9,8 @@
 //! | `Acknowledge` | tells a sender that honours it how much was taken |
 //! | `Cycles` | the cycle counter handed to core |
 //! | `ticks()`, `ticks_per_second()` | a clock for the age of answers, wraps; no rate where time is not kept |
-//! | `BAUD` | speed of the line on which answers leave |
+//! | `BAUD` | speed of the lines, on which bytes come and answers leave |
+//! | `RECEIVE_DELAY` | longest time from a byte to its interrupt, bytes |
 //! | `emergency_output()` | the output port for handlers that never return |
 
 #[cfg(feature = "board-mps2")]

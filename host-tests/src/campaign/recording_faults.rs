@@ -1,10 +1,11 @@
-//! Faults on three recordings with an inertial unit: `surefix campaign recording-faults`.
+//! Faults on recordings with an inertial unit: `surefix campaign recording-faults`.
 //!
 //! | recording | receiver | inertial unit | truth |
 //! |---|---|---|---|
 //! | `esbc` | fixed, 4 h, 30 s | at rest, synthesised, 50 Hz | the station's position |
 //! | `walk` | carried, 134 s, 4 Hz, one frequency | recorded | RTK |
 //! | `drive` | synthesised along the track, 549 s, 1 Hz | recorded | the track |
+//! | `few` | the same with six satellites of three constellations from 70 s on | recorded | the track |
 //!
 //! Each is replayed as it is, and then as often as there are trials with faults one after the other, each on
 //! another satellite that the clean replay uses all the time; with all constellations and without Galileo, as
@@ -19,14 +20,13 @@ use anyhow::{Context, Result};
 use rand_chacha::ChaCha20Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
-use surefix_core::bank_report::BankReport;
 use surefix_core::config::IonosphereModel;
 use surefix_core::gnss::{Satellite, SatelliteSet};
 use surefix_core::integrity::{Integrity, Phase};
 use surefix_core::report::EpochReport;
 
 use crate::faults::{FaultKind, FaultSpec};
-use crate::hybrid;
+use crate::hybrid::{self, Reduction};
 use crate::output;
 use crate::replay::{self, ReplayOptions, ReplayResult, TruthChoice};
 use crate::report::Region;
@@ -96,10 +96,12 @@ impl Shape {
 /// A recording ready to be replayed.
 #[derive(Clone, Debug)]
 pub struct Subject {
-    /// `esbc`, `walk`, `drive`.
+    /// `esbc`, `walk`, `drive`, `few`.
     pub name: &'static str,
     /// With everything but the constellations and the faults.
     pub options: ReplayOptions,
+    /// From the bank's first epoch to the first fault, s.
+    pub settle_s: f64,
     /// Length of a fault, s.
     pub length_s: f64,
     /// From its end to the beginning of the next, s.
@@ -142,6 +144,7 @@ pub fn esbc(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
     Ok(Subject {
         name: "esbc",
         options,
+        settle_s: 900.0,
         length_s: 900.0,
         pause_s: 900.0,
     })
@@ -174,19 +177,21 @@ pub fn walk(folders: &Folders<'_>) -> Result<Subject> {
     Ok(Subject {
         name: "walk",
         options,
+        settle_s: 20.0,
         length_s: 20.0,
         pause_s: 20.0,
     })
 }
 
-/// The drive under as many satellites as its track sees all the time.
-///
-/// # Errors
-/// When the recording is absent or unusable.
-pub fn drive(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+/// The drive with the receiver that its antenna would have had.
+fn on_the_drive(
+    folders: &Folders<'_>,
+    name: &'static str,
+    change: &dyn Fn(&mut hybrid::Args),
+) -> Result<Subject> {
     let data = folders.data.join("drive0708-adis16465-rtk");
-    let work = folders.work.join("drive");
-    let args = hybrid::Args {
+    let work = folders.work.join(name);
+    let mut args = hybrid::Args {
         track: data.join("gnss_1934_sf.pos"),
         imu: data.join("derived_imu_gpst_unfiltered.csv"),
         config: folders.examples.join("car-adis16465.toml"),
@@ -197,19 +202,51 @@ pub fn drive(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
         drop: Vec::new(),
         rate_hz: 1,
         duration: None,
-        seed,
+        seed: 1,
         out: work.clone(),
     };
+    change(&mut args);
     hybrid::write(&hybrid::synthesise(&args)?, &work)?;
     let mut options = ReplayOptions::new(work.join("receiver.rtcm3"));
     options.imu = Some(work.join("imu.sfx"));
     options.config.ionosphere = IonosphereModel::None;
     options.truth = TruthChoice::Given(Truth::read(&work.join("truth.csv"))?);
     Ok(Subject {
-        name: "drive",
+        name,
         options,
+        settle_s: 30.0,
         length_s: 60.0,
         pause_s: 30.0,
+    })
+}
+
+/// The drive under as many satellites as its track sees all the time.
+///
+/// # Errors
+/// When the recording is absent or unusable.
+pub fn drive(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+    on_the_drive(folders, "drive", &|args| args.seed = seed)
+}
+
+/// The drive with twelve satellites, of which six of three constellations are left from 70 s on. One fault
+/// in each replay: an alert outlasts it, as nobody can tell which satellite it was.
+///
+/// # Errors
+/// When the recording is absent or unusable.
+pub fn few(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+    let subject = on_the_drive(folders, "few", &|args| {
+        args.seed = seed;
+        args.satellites = 12;
+        args.drop = vec![Reduction {
+            satellites: 6,
+            from_s: 70.0,
+            to_s: f64::INFINITY,
+        }];
+    })?;
+    Ok(Subject {
+        settle_s: 130.0,
+        pause_s: f64::INFINITY,
+        ..subject
     })
 }
 
@@ -258,6 +295,8 @@ pub struct Found {
     pub in_bank: bool,
     /// From the beginning to the first alert or exclusion, s.
     pub detected_s: Option<f64>,
+    /// How the opinions stood to each other then.
+    pub opinions: Option<&'static str>,
     /// A test of the bank failed at some epoch of it.
     pub bank_detected: bool,
     /// From the beginning to the exclusion of the satellite, s.
@@ -289,11 +328,6 @@ fn is_above(report: &EpochReport, error: Option<[f64; 3]>) -> bool {
     report.verdict.integrity.is_usable() && ratios(report, error).iter().any(above)
 }
 
-/// Whether a test of the bank failed.
-fn detects(bank: &BankReport) -> bool {
-    bank.detected
-}
-
 /// One recording with some constellations.
 struct Bench<'a> {
     subject: &'a Subject,
@@ -318,7 +352,10 @@ impl Bench<'_> {
         let mut random = ChaCha20Rng::seed_from_u64(seed);
         random.set_stream(trial << 8 | u64::from(self.subject.name.as_bytes()[0]));
         let Subject {
-            length_s, pause_s, ..
+            settle_s,
+            length_s,
+            pause_s,
+            ..
         } = *self.subject;
         let times: Vec<f64> = clean.reports.iter().map(output::t_s).collect();
         let first = clean.banks.iter().position(Option::is_some);
@@ -328,7 +365,7 @@ impl Bench<'_> {
             return Vec::new();
         };
         let mut faults: Vec<(Shape, FaultSpec)> = Vec::new();
-        let mut t0_s = times[first] + pause_s;
+        let mut t0_s = times[first] + settle_s;
         // Trials begin with different faults.
         let mut turn = trial as usize;
         while t0_s + length_s <= times[last] {
@@ -402,6 +439,7 @@ impl Bench<'_> {
             size_m: shape.size_m,
             in_bank: false,
             detected_s: None,
+            opinions: None,
             bank_detected: false,
             excluded_s: None,
             alerts: 0,
@@ -435,13 +473,15 @@ impl Bench<'_> {
             let verdict = &report.verdict;
             let is_out = verdict.excluded.contains(fault.satellite);
             let is_alert = verdict.integrity == Integrity::Alert;
-            if is_out || is_alert {
-                found.detected_s.get_or_insert(t_s - fault.t0_s);
+            if (is_out || is_alert) && found.detected_s.is_none() {
+                found.detected_s = Some(t_s - fault.t0_s);
+                let opinions = bank.as_deref().and_then(|bank| bank.opinions);
+                found.opinions = opinions.map(|opinions| opinions.name());
             }
             if is_out {
                 found.excluded_s.get_or_insert(t_s - fault.t0_s);
             }
-            found.bank_detected |= bank.as_deref().is_some_and(detects);
+            found.bank_detected |= bank.as_deref().is_some_and(|bank| bank.detected);
             found.alerts += usize::from(is_alert);
             found.wrong += usize::from(is_wrong(report, faults, t_s));
         }
@@ -499,10 +539,11 @@ pub fn study(
     Ok(runs)
 }
 
-/// Constellations to replay with. The walk has no BDS satellites, and of GPS four, which test nothing.
+/// Constellations to replay with. The walk has no BDS satellites, and of GPS four, which test nothing; the few
+/// are of all three.
 pub fn constellations(subject: &Subject) -> &'static [&'static str] {
     match subject.name {
-        "walk" => &["GEC"],
+        "walk" | "few" => &["GEC"],
         _ => &["GEC", "GC"],
     }
 }
@@ -592,7 +633,7 @@ struct Outcome {
     runs: Vec<Run>,
 }
 
-/// Runs the campaign on all three and writes `out` and, in a directory of its name without the ending, the
+/// Runs the campaign on all of them and writes `out` and, in a directory of its name without the ending, the
 /// replays with their reports.
 ///
 /// # Errors
@@ -615,6 +656,7 @@ pub fn run(data: &Path, phase: Option<Phase>, trials: u64, seed: u64, out: &Path
         esbc(&folders, seed).with_context(needed)?,
         walk(&folders).with_context(needed)?,
         drive(&folders, seed).with_context(needed)?,
+        few(&folders, seed).with_context(needed)?,
     ];
     let mut runs = Vec::new();
     for subject in &mut subjects {

@@ -14,6 +14,8 @@ use crate::qemu::paced::{MOST_BYTES, TICKS_PER_SECOND};
 
 /// Speed of the line, Bd; ten bits make a byte. The same as the STM32H743's (firmware: board/h743/uart.rs).
 pub const BAUD: u64 = 921_600;
+/// Longest time from a byte to its interrupt, bytes (firmware: board/mps2/line.rs).
+const RECEIVE_DELAY: u64 = 10;
 /// Time the board has for its start, s.
 const START_S: f64 = 0.1;
 
@@ -103,6 +105,12 @@ impl Line {
     pub fn ticks(&self, time: GpsTime) -> u64 {
         let since_s = time.seconds_since(self.start) + START_S;
         (since_s * self.ticks_per_second as f64) as u64
+    }
+
+    /// A time at which the last byte of an epoch had not come yet, or came, by the interrupt that told of
+    /// it.
+    pub fn came(&self, interrupt: u64) -> u64 {
+        interrupt - RECEIVE_DELAY * 10 * self.ticks_per_second / BAUD
     }
 
     /// The memory of the board before it starts.

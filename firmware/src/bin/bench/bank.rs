@@ -31,10 +31,14 @@ const PEER_SATELLITES: [usize; 2] = [6, dense_bank::MAX];
 const PEER_RUNS: usize = 5;
 /// Usual epochs per row: more than half of all, so that the median is one of them.
 const USUAL: usize = 8;
+/// Epochs per row of a stage.
+const STAGE_RUNS: usize = 3;
 /// Distance to a satellite, m.
 const RANGE_M: f64 = 22_000e3;
 /// A fault that every filter with the satellite shows at once, m.
 const FAULT_M: f64 = 1e4;
+/// A fault that grows by this much per epoch, m.
+const RAMP_M: f64 = 2.0;
 
 /// A bank with all its filters, and the epoch it is fed with.
 pub struct Memory<const K: usize, const M: usize> {
@@ -166,7 +170,7 @@ impl<const K: usize, const M: usize> Memory<K, M> {
 
         // Everything at once: all satellites are new and the last of them is faulty.
         self.begin(random, shared);
-        let (pass, verdict) = self.measured(random, shared, n, Some(n - 1));
+        let (pass, verdict) = self.measured(random, shared, n, Some((n - 1, FAULT_M)));
         require(
             verdict.isolated == Some(self.rows[n - 1].satellite),
             "the faulty satellite was not isolated",
@@ -181,19 +185,32 @@ impl<const K: usize, const M: usize> Memory<K, M> {
             require(!verdict.detected, "a usual epoch has a fault");
             total.add(pass);
         }
+        if n == MAX_BANK {
+            self.stages(random, shared, &of);
+        }
         self.risk_rows(shared, bound, &of);
         let (pass, _) = self.measured(random, shared, n / 2, None);
         also(&mut held, &mut total, pass);
         let (pass, _) = self.measured(random, shared, 0, None);
         also(&mut held, &mut total, pass);
         self.measured(random, shared, n, None);
-        let (pass, verdict) = self.measured(random, shared, n, Some(n - 1));
+        let (pass, verdict) = self.measured(random, shared, n, Some((n - 1, FAULT_M)));
         require(verdict.isolated.is_some(), "no satellite was isolated");
         also(&mut exclusion, &mut total, pass);
-        // One more than there are, but the excluded one: a birth into the place that became free.
-        let (pass, _) = self.measured(random, shared, n, None);
-        birth.add(pass);
         require(self.is_healthy(n), "a filter fell ill");
+        // A ramp: when it is found, every filter without one satellite still agrees with most of the pairs'.
+        self.begin(random, shared);
+        self.measured(random, shared, n, None);
+        let mut fault_m = 0.0;
+        let found = loop {
+            fault_m += RAMP_M;
+            let (pass, verdict) = self.measured(random, shared, n, Some((n - 1, fault_m)));
+            if verdict.detected || fault_m > FAULT_M {
+                require(verdict.detected, "the ramp was not found");
+                break pass;
+            }
+        };
+        also(&mut exclusion, &mut total, found);
 
         total.print_of(
             "bank/total",
@@ -228,11 +245,11 @@ impl<const K: usize, const M: usize> Memory<K, M> {
         random: &mut Random,
         shared: &Shared<'_>,
         n: usize,
-        faulty: Option<usize>,
+        faulty: Option<(usize, f64)>,
     ) -> (Pass, BankVerdict) {
         self.observe(random);
-        if let Some(row) = faulty.and_then(|index| self.rows.get_mut(index)) {
-            row.row.innovation_m += FAULT_M;
+        if let Some((index, fault_m)) = faulty {
+            self.rows[index].row.innovation_m += fault_m;
         }
         let mut verdict = None;
         let pass = pass(|| verdict = Some(self.epoch(black_box(shared), black_box(n))));
@@ -272,38 +289,91 @@ impl<const K: usize, const M: usize> Memory<K, M> {
     /// The epoch, as the monitor runs it.
     #[inline(never)]
     fn epoch(&mut self, shared: &Shared<'_>, n: usize) -> BankVerdict {
-        let Self {
-            bank,
-            main,
-            sub,
-            secondaries,
-            information,
-            ..
-        } = self;
-        main.predict(shared.transition, &mut self.predict_workspace);
-        bank.predict(shared.transition, sub, secondaries);
+        self.predict(shared);
+        self.admit(n);
+        self.update();
+        let verdict = self.test(shared);
+        self.correct();
+        verdict
+    }
+
+    /// Usual epochs in their stages.
+    #[inline(never)]
+    fn stages(&mut self, random: &mut Random, shared: &Shared<'_>, of: &Of) {
+        let [mut predict, mut admit, mut update] = [const { Row::new() }; 3];
+        let (mut test, mut rereference) = (Row::new(), Row::new());
+        for _ in 0..STAGE_RUNS {
+            self.observe(random);
+            predict.run(|| self.predict(black_box(shared)));
+            admit.run(|| self.admit(black_box(MAX_BANK)));
+            update.run(|| self.update());
+            test.run(|| {
+                black_box(self.test(black_box(shared)));
+            });
+            rereference.run(|| self.correct());
+        }
+        predict.print_of("bank/predict", of);
+        admit.print_of("bank/admit", of);
+        update.print_of("bank/update", of);
+        test.print_of("bank/test", of);
+        rereference.print_of("bank/rereference", of);
+    }
+
+    #[inline(never)]
+    fn predict(&mut self, shared: &Shared<'_>) {
+        self.main
+            .predict(shared.transition, &mut self.predict_workspace);
+        self.bank
+            .predict(shared.transition, &mut self.sub, &mut self.secondaries);
+    }
+
+    /// Births and deaths, and the sums of the epoch with its first `n` satellites.
+    #[inline(never)]
+    fn admit(&mut self, n: usize) {
         self.epochs += 1;
-        bank.admit(
+        self.bank.admit(
             &BankEpoch {
                 time: sky::TIME.plus_ns(self.epochs * NS_PER_S),
                 rows: &self.rows[..n],
                 hold_ns: 100 * NS_PER_S,
             },
+            &self.main,
+            &mut self.sub,
+            &mut self.secondaries,
+            &mut self.information,
+        );
+    }
+
+    #[inline(never)]
+    fn update(&mut self) {
+        self.main
+            .update(&self.information, &mut self.update_workspace);
+        self.bank.update(&mut self.sub, &mut self.secondaries);
+    }
+
+    /// Tests and levels, isolation where a test fails, exclusion.
+    #[inline(never)]
+    fn test(&mut self, shared: &Shared<'_>) -> BankVerdict {
+        let Self {
+            bank,
             main,
             sub,
             secondaries,
-            information,
-        );
-        main.update(information, &mut self.update_workspace);
-        bank.update(sub, secondaries);
+            ..
+        } = self;
         let verdict = bank.test(&shared.criterion, main, sub, secondaries);
         if let Some(satellite) = verdict.isolated {
             bank.exclude(satellite, main, sub, secondaries);
         }
-        let correction = *main.state();
-        main.rereference(&correction);
-        bank.rereference(&correction, sub, secondaries);
         verdict
+    }
+
+    #[inline(never)]
+    fn correct(&mut self) {
+        let correction = *self.main.state();
+        self.main.rereference(&correction);
+        self.bank
+            .rereference(&correction, &mut self.sub, &mut self.secondaries);
     }
 
     /// Whether every filter with the first `n` satellites is well.

@@ -75,6 +75,7 @@ static NAVIGATOR: ConstStaticCell<Navigator<CLOCKS, JOINT>> =
 static EPOCH: ConstStaticCell<CorrectedEpoch> = ConstStaticCell::new(CorrectedEpoch::EMPTY);
 
 /// Measures every stage and prints its rows.
+#[inline(never)]
 pub fn all() {
     let mut random = Random::new(5);
     samples(&mut random);
@@ -109,6 +110,7 @@ fn sample(random: &mut Random, number: i64) -> ImuSample {
 }
 
 /// The mechanisation, the intake, and both.
+#[inline(never)]
 fn samples(random: &mut Random) {
     let (mechanisation, intake) = (MECHANISATION.take(), INTAKE.take());
     require(mechanisation.start(&STATE).is_ok(), "no start");
@@ -142,6 +144,7 @@ fn samples(random: &mut Random) {
 }
 
 /// The navigator of the monitor: the samples of a second, and an epoch of one filter.
+#[inline(never)]
 fn epochs(random: &mut Random) {
     let (navigator, epoch) = (NAVIGATOR.take(), EPOCH.take());
     let mut second = Row::new();

@@ -6,7 +6,7 @@
 //!
 //! `row stage n_sats n_states filters instr_median instr_worst stack_b ram_b pass`
 //!
-//! `n_states` is the number of unknowns, three of position and one per constellation; `pass` counts
+//! and `end` at last. `n_states` is the number of unknowns, three of position and one per constellation; `pass` counts
 //! the measured pieces of work from 0 over all rows and names the median one.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
@@ -48,6 +48,7 @@ fn main() -> ! {
     let transition = filter::all();
     bank::all(transition);
     araim::all();
+    hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);
     }

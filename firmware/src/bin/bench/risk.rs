@@ -4,7 +4,8 @@ use super::bank::{Memory, Shared};
 use super::measure::{Of, Row, require};
 use core::hint::black_box;
 use static_cell::ConstStaticCell;
-use surefix_core::mhss::bank::ExtraNoise;
+use surefix_core::ekf::Filter;
+use surefix_core::mhss::bank::{ExtraNoise, OwnVariances};
 use surefix_core::mhss::correlated::{CorrelatedBound, CorrelatedRow};
 use surefix_core::mhss::protection::{FaultPriors, LevelForm, RiskBudget, levels};
 use surefix_core::mhss::separation::position_variances;
@@ -69,10 +70,14 @@ impl<const K: usize, const M: usize> Memory<K, M> {
                 common_m: 1.0,
             });
         bound.solve(rows, c_enu_e);
-        let [mut sum, _] = bound.main(position_variances(&self.main, c_enu_e));
+        let own = |filter: &Filter<K, M>| {
+            let left = position_variances(filter, c_enu_e);
+            OwnVariances { left, taken: left }
+        };
+        let [mut sum, _] = bound.main(&own(&self.main));
         for (place, satellite, _) in self.bank.present() {
             if let Some(filter) = self.bank.sub_filter(satellite, &self.sub) {
-                let [[own, _], _] = bound.sub(place, position_variances(filter, c_enu_e));
+                let [[own, _], _] = bound.sub(place, &own(filter));
                 sum += own;
             }
         }

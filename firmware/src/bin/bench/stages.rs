@@ -54,6 +54,7 @@ pub fn all() {
 }
 
 /// From the first byte of a frame to the event it brings.
+#[inline(never)]
 fn decode() {
     let ingest = INGEST.take();
     ingest.configure(&Config {
@@ -97,6 +98,7 @@ fn decode() {
 }
 
 /// From an epoch to a position, and the whole monitor of an epoch.
+#[inline(never)]
 fn solution() {
     let (store, epoch) = (STORE.take(), EPOCH.take());
     let (workspace, monitor) = (SNAPSHOT.take(), MONITOR.take());
@@ -149,6 +151,7 @@ fn solution() {
 }
 
 /// The tests on a linear model.
+#[inline(never)]
 fn raim() {
     let (model, qr, table) = (MODEL.take(), QR.take(), TABLE.take());
     let (least_squares, sensitivity, search) = (LS.take(), SENSITIVITY.take(), EXCLUSION.take());

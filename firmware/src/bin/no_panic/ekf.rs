@@ -47,6 +47,7 @@ fn process(config: &InertialConfig) {
         black_box(&lever),
     );
     call2(ProcessAccumulator::set_gradient, &mut process, block);
+    call3(ProcessAccumulator::add_noise, &mut process, 0, &[0.0; 6]);
     call4(ProcessAccumulator::add, &mut process, 0.01, [0.0; 3], block);
     black_box(ProcessAccumulator::finish(
         black_box(&mut process),
@@ -72,6 +73,12 @@ fn filter<const K: usize, const M: usize>(measurement: &CorrectedMeasurement) {
     call2(
         EpochInformation::add,
         &mut information,
+        &EpochInformation::ZERO,
+    );
+    call3(
+        EpochInformation::set_sum,
+        &mut information,
+        &EpochInformation::ZERO,
         &EpochInformation::ZERO,
     );
     call1(EpochInformation::rows, &information);

@@ -8,7 +8,7 @@ use surefix_core::config::Config;
 use surefix_core::gnss::solution::SnapshotWorkspace;
 use surefix_core::gnss::{
     BroadcastIonosphere, CorrectedEpoch, EphemerisStore, KlobucharParameters, ObservationEpoch,
-    SatelliteSet,
+    Satellite, SatelliteSet, System,
 };
 use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::{
@@ -151,6 +151,12 @@ fn snapshot(epoch: &ObservationEpoch) {
     call2(SnapshotMonitor::configure, &mut monitor, &Config::PRESET);
     call1(SnapshotMonitor::config, &monitor);
     call1(SnapshotMonitor::workspace, &monitor);
+    call2(SnapshotMonitor::share_false_alerts, &mut monitor, 0.5);
+    call2(
+        SnapshotMonitor::leave_out,
+        &mut monitor,
+        SatelliteSet::EMPTY,
+    );
     black_box(SnapshotMonitor::workspace_mut(black_box(&mut monitor)));
     black_box(SnapshotMonitor::assess(
         black_box(&mut monitor),
@@ -174,6 +180,7 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::store, &monitor);
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
     call1(Monitor::tight, &monitor);
+    call1(Monitor::opinions, &monitor);
     call1(Monitor::epoch_interval_ns, &monitor);
     let mut report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
     call2(Monitor::miss_deadline, &mut monitor, &mut report);
@@ -211,7 +218,7 @@ fn tight() {
         TightMonitor::configure,
         &mut tight,
         &UNIT,
-        &Phase::Npa.requirements(),
+        &surefix_core::integrity::Phase::Npa.requirements(),
     );
     call2(TightMonitor::on_sample, &mut tight, &SAMPLE);
     call3(
@@ -226,8 +233,13 @@ fn tight() {
     call1(TightMonitor::navigator, &tight);
     call1(TightMonitor::bank, &tight);
     call1(TightMonitor::bank_verdict, &tight);
+    call1(TightMonitor::opinion, &tight);
+    call1(TightMonitor::p_unmonitored, &tight);
 
     let mut workspace = SnapshotWorkspace::EMPTY;
+    if let Some(satellite) = Satellite::new(System::Gps, black_box(1)) {
+        call2(SnapshotWorkspace::sigma, &workspace, satellite);
+    }
     let corrected = SnapshotWorkspace::corrected(
         black_box(&mut workspace),
         black_box([0.0; 3]),

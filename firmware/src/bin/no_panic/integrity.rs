@@ -1,8 +1,10 @@
 //! `integrity`.
 
 use crate::call::{call1, call2, call3};
+use surefix_core::gnss::SatelliteSet;
 use surefix_core::integrity::{
-    InertialStatus, Integrity, Mode, NoBound, Phase, ProtectionLevel, Reason, Verdict,
+    BankOpinion, InertialStatus, Integrity, Mode, NoBound, Opinions, Phase, ProtectionLevel,
+    Reason, Verdict, opinion,
 };
 
 pub fn all() {
@@ -26,4 +28,12 @@ pub fn all() {
     call3(Verdict::unavailable, Reason::None, 0.0, None);
     let verdict = Verdict::unavailable(Reason::None, 0.0, None);
     call2(Verdict::moved_by, &verdict, [0.0; 2]);
+    let bank = BankOpinion {
+        is_alerted: false,
+        excluded: SatelliteSet::EMPTY,
+        levels_m: [Some(1.0); 2],
+    };
+    call3(opinion::combine, &verdict, &bank, Some([0.0; 2]));
+    call1(Opinions::name, Opinions::Agree);
+    call1(Opinions::from_u8, 0);
 }

@@ -13,7 +13,7 @@ mod start;
 mod uart;
 
 pub use clock::{Cycles, ticks, ticks_per_second};
-pub use uart::{Acknowledge, BAUD, Receiver, Transmitter};
+pub use uart::{Acknowledge, BAUD, RECEIVE_DELAY, Receiver, Transmitter};
 
 use super::{Ports, Vector, protection, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors

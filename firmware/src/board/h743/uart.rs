@@ -6,6 +6,13 @@ use stm32h7::stm32h743::{Peripherals, USART2, USART3, usart1};
 /// Line speed, Bd.
 pub const BAUD: u32 = 921_600;
 
+/// The receiver interrupts when its FIFO holds this many bytes …
+const RECEIVE_TOGETHER: u32 = 8;
+/// … or when there is one and the line has been silent for this many more.
+const RECEIVE_TIMEOUT: u32 = 2;
+/// Longest time from a byte to its interrupt, bytes.
+pub const RECEIVE_DELAY: u32 = RECEIVE_TOGETHER + RECEIVE_TIMEOUT;
+
 /// Pins, clocks and registers of both UARTs.
 pub(super) fn start(chip: &Peripherals) {
     chip.RCC.ahb4enr().modify(|_, w| w.gpioden().set_bit());
@@ -40,11 +47,20 @@ fn enable(uart: &usart1::RegisterBlock, receives: bool) {
     // SAFETY: the divider is that of the line speed, within the register's 16 bits.
     uart.brr()
         .write(|w| unsafe { w.bits((APB1_HZ + BAUD / 2) / BAUD) });
+    // SAFETY: 0b010 is a threshold of half the 16 bytes.
+    uart.cr3().write(|w| {
+        unsafe { w.rxftcfg().bits(0b010) };
+        w.rxftie().bit(receives)
+    });
+    // SAFETY: a time in bits, within the register's 24.
+    uart.rtor()
+        .write(|w| unsafe { w.rto().bits(10 * RECEIVE_TIMEOUT) });
+    uart.cr2().write(|w| w.rtoen().bit(receives));
     uart.cr1().write(|w| {
         w.fifoen().set_bit();
         w.te().set_bit();
         w.re().bit(receives);
-        w.rxneie().bit(receives)
+        w.rtoie().bit(receives)
     });
     uart.cr1().modify(|_, w| w.ue().set_bit());
 }
@@ -85,6 +101,7 @@ impl Receiver {
     #[inline]
     pub fn take(&mut self) -> Option<u8> {
         let uart = Port::ReceiverAndOutput.registers();
+        uart.icr().write(|w| w.rtocf().clear_bit_by_one());
         (uart.isr().read().rxne().bit_is_set()).then(|| uart.rdr().read().bits() as u8)
     }
 

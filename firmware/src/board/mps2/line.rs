@@ -2,8 +2,8 @@
 //!
 //! What UART0 brings comes when the host gets round to it, which no deadline can be held against.
 //! Here the whole stream lies in PSRAM before the start, each piece with the time at which its first bit
-//! is on the line, and timer 0 interrupts when the next byte has come. Under `-icount` a run repeats to
-//! the instruction.
+//! is on the line, and timer 0 interrupts when the FIFO of an STM32H743 would. Under `-icount` a run
+//! repeats to the instruction.
 //!
 //! | word | content, little endian |
 //! |---|---|
@@ -34,6 +34,12 @@ const CTRL_INTERRUPT: u32 = 1 << 3;
 
 /// Bytes that the hardware keeps until they are taken: the FIFO of an STM32H743's USART.
 const FIFO: u64 = 16;
+/// It interrupts when it holds this many, as the STM32H743's driver asks for …
+const TOGETHER: u32 = 8;
+/// … or when it holds one and the line has been silent for this many more.
+const TIMEOUT: u32 = 2;
+/// Longest time from a byte to its interrupt, bytes.
+pub const RECEIVE_DELAY: u32 = TOGETHER + TIMEOUT;
 
 fn word(at: usize) -> u32 {
     // SAFETY: `at` is a multiple of 4 in PSRAM (the stream ends within it), which nothing writes.
@@ -99,8 +105,7 @@ impl Receiver {
             self.last_ticks = ticks;
             let late = (self.now << 8).checked_sub(self.due);
             let Some(late) = late else {
-                let ahead = (self.due - (self.now << 8)) >> 8;
-                set(VALUE, ahead as u32 + 1);
+                set(VALUE, self.ticks_to_interrupt());
                 return None;
             };
             // SAFETY: a byte of the stream in PSRAM, which nothing writes.
@@ -113,6 +118,15 @@ impl Receiver {
             }
             self.overrun = true;
         }
+    }
+
+    /// Ticks until there is something to take, when there is nothing now. A line that goes on without a
+    /// pause into the next piece interrupts here once more than it would.
+    fn ticks_to_interrupt(&self) -> u32 {
+        let together = self.left.min(TOGETHER);
+        let timeout = if together < TOGETHER { TIMEOUT } else { 0 };
+        let at = self.due + u64::from(together - 1 + timeout) * self.step;
+        ((at - (self.now << 8)) >> 8) as u32 + 1
     }
 
     /// Goes on to the next piece; false after the last.

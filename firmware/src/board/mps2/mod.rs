@@ -17,11 +17,11 @@ mod uart;
 
 pub use clock::{Cycles, instructions, ticks};
 #[cfg(feature = "real-time")]
-pub use line::{Receiver, ticks_per_second};
+pub use line::{RECEIVE_DELAY, Receiver, ticks_per_second};
 pub use markers::{bench_begin, bench_end};
-#[cfg(not(feature = "real-time"))]
-pub use uart::Receiver;
 pub use uart::{Acknowledge, BAUD, Transmitter};
+#[cfg(not(feature = "real-time"))]
+pub use uart::{RECEIVE_DELAY, Receiver};
 
 use super::{Ports, Vector, protection, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors

@@ -32,6 +32,9 @@ const CTRL_RX_INTERRUPT: u32 = 1 << 3;
 const INTSTATUS_RX: u32 = 1 << 1;
 /// Speed of the lines that an emulated board stands for, Bd: those of the STM32H743.
 pub const BAUD: u32 = 921_600;
+/// A byte interrupts at once.
+#[cfg(not(feature = "real-time"))]
+pub const RECEIVE_DELAY: u32 = 0;
 /// The least divider the hardware allows: the emulated line has no speed.
 const FASTEST: u32 = 16;
 
