@@ -32,24 +32,25 @@ const CORRELATED: &str = "bank/correlated";
 
 /// Executed instructions that a stage may take. The test with one constellation (three unknowns of
 /// position and one clock): what plain C takes for the same work. A sample at 100 Hz and an epoch of one
-/// filter at 1 Hz: what leaves a microcontroller room for the bank. The whole bank in a usual epoch: what
-/// leaves room for ten epochs a second; with a clock state more 12 % more; the bound 2,000 per filter.
+/// filter at 1 Hz: what leaves a microcontroller room for the bank. The whole bank, also where all
+/// satellites are new and one is excluded: what leaves room for ten epochs a second; with a clock state more
+/// 12 % more; the bound 2,000 per filter.
 const BARS: [Bar; 15] = [
-    Bar::worst(PARITY, Some(8), ONE_CLOCK, 7_300),
-    Bar::worst(PARITY, Some(12), ONE_CLOCK, 15_000),
-    Bar::worst(PARITY, Some(24), ONE_CLOCK, 54_000),
-    Bar::worst("ins/mechanisation", None, None, 6_000),
-    Bar::worst("ins/intake+mechanisation", None, None, 6_000),
-    Bar::worst("ekf/process", None, None, 100_000),
-    Bar::worst("ekf/predict+update", Some(12), ONE_FILTER, 13_000),
-    Bar::median(BANK, Some(12), ONE_FILTER, 950_000),
-    Bar::median(BANK, Some(16), ONE_FILTER, 1_650_000),
-    Bar::median(BANK, Some(24), ONE_FILTER, 3_600_000),
-    Bar::median(BANK, Some(12), WITH_OFFSET, 1_064_000),
-    Bar::median(BANK, Some(16), WITH_OFFSET, 1_848_000),
-    Bar::median(BANK, Some(24), WITH_OFFSET, 4_032_000),
-    Bar::worst(CORRELATED, Some(12), ONE_FILTER, 79 * 2_000),
-    Bar::worst(CORRELATED, Some(24), ONE_FILTER, 301 * 2_000),
+    Bar::new(PARITY, Some(8), ONE_CLOCK, 7_300),
+    Bar::new(PARITY, Some(12), ONE_CLOCK, 15_000),
+    Bar::new(PARITY, Some(24), ONE_CLOCK, 54_000),
+    Bar::new("ins/mechanisation", None, None, 6_000),
+    Bar::new("ins/intake+mechanisation", None, None, 6_000),
+    Bar::new("ekf/process", None, None, 100_000),
+    Bar::new("ekf/predict+update", Some(12), ONE_FILTER, 13_000),
+    Bar::new(BANK, Some(12), ONE_FILTER, 950_000),
+    Bar::new(BANK, Some(16), ONE_FILTER, 1_650_000),
+    Bar::new(BANK, Some(24), ONE_FILTER, 3_600_000),
+    Bar::new(BANK, Some(12), WITH_OFFSET, 1_064_000),
+    Bar::new(BANK, Some(16), WITH_OFFSET, 1_848_000),
+    Bar::new(BANK, Some(24), WITH_OFFSET, 4_032_000),
+    Bar::new(CORRELATED, Some(12), ONE_FILTER, 79 * 2_000),
+    Bar::new(CORRELATED, Some(24), ONE_FILTER, 301 * 2_000),
 ];
 
 const ONE_CLOCK: Option<u64> = Some(4);
@@ -71,19 +72,11 @@ struct Bar {
     stage: &'static str,
     n_sats: Option<u64>,
     n_states: Option<u64>,
-    figure: Figure,
     max_instructions: u64,
 }
 
-/// Which figure of a row a bar is for.
-#[derive(Clone, Copy)]
-enum Figure {
-    Median,
-    Worst,
-}
-
 impl Bar {
-    const fn worst(
+    const fn new(
         stage: &'static str,
         n_sats: Option<u64>,
         n_states: Option<u64>,
@@ -93,32 +86,12 @@ impl Bar {
             stage,
             n_sats,
             n_states,
-            figure: Figure::Worst,
             max_instructions,
-        }
-    }
-
-    const fn median(
-        stage: &'static str,
-        n_sats: Option<u64>,
-        n_states: Option<u64>,
-        max_instructions: u64,
-    ) -> Self {
-        Self {
-            figure: Figure::Median,
-            ..Self::worst(stage, n_sats, n_states, max_instructions)
         }
     }
 
     fn is_of(&self, row: &Row) -> bool {
         (row.stage.as_str(), row.n_sats, row.n_states) == (self.stage, self.n_sats, self.n_states)
-    }
-
-    const fn of(&self, row: &Row) -> Option<u64> {
-        match self.figure {
-            Figure::Median => row.instr_median,
-            Figure::Worst => row.instr_worst,
-        }
     }
 }
 
@@ -464,10 +437,10 @@ fn judge(rows: &[Row]) -> Result {
     for bar in &BARS {
         let found = rows.iter().find(|row| bar.is_of(row));
         let limit = bar.max_instructions;
-        match found.and_then(|row| bar.of(row)) {
-            Some(taken) if taken <= limit => println!("{bar}: {taken} of {limit} instructions"),
-            Some(taken) => missed.push(format!(
-                "{bar} takes {taken} instructions, the bar is {limit}"
+        match found.and_then(|row| row.instr_worst) {
+            Some(worst) if worst <= limit => println!("{bar}: {worst} of {limit} instructions"),
+            Some(worst) => missed.push(format!(
+                "{bar} takes {worst} instructions, the bar is {limit}"
             )),
             None => missed.push(format!("{bar} was not measured")),
         }
@@ -576,12 +549,12 @@ mod tests {
         row ins/intake+mechanisation - - - 1200 1200 - - 7\n\
         row ekf/process - - - 99999 100000 - - 8\n\
         row ekf/predict+update 12 17 - 11000 11000 - - 9\n\
-        row bank/total 12 17 79 940000 1100000 1152 108072 10\n\
-        row bank/total 16 17 137 1640000 1900000 1152 187416 11\n\
-        row bank/total 24 17 301 3590000 4000000 1152 411768 12\n\
-        row bank/total 12 18 79 1060000 1200000 1264 121344 13\n\
-        row bank/total 16 18 137 1840000 2000000 1264 210432 14\n\
-        row bank/total 24 18 301 4030000 4500000 1264 462336 15\n\
+        row bank/total 12 17 79 910000 940000 1152 108072 10\n\
+        row bank/total 16 17 137 1600000 1640000 1152 187416 11\n\
+        row bank/total 24 17 301 3500000 3590000 1152 411768 12\n\
+        row bank/total 12 18 79 1020000 1060000 1264 121344 13\n\
+        row bank/total 16 18 137 1800000 1840000 1264 210432 14\n\
+        row bank/total 24 18 301 3920000 4030000 1264 462336 15\n\
         row bank/correlated 12 17 79 33000 33001 1032 - 16\n\
         row bank/correlated 24 17 301 82000 82001 1032 - 17\nend\n";
 
@@ -600,13 +573,13 @@ mod tests {
     }
 
     #[test]
-    fn the_bank_is_held_to_its_usual_epoch_and_its_bytes() {
+    fn the_bank_is_held_to_its_worst_epoch_and_its_bytes() {
         let mut rows = parse(PRINTED).unwrap();
         rows[3].instr_worst = Some(54_000);
         assert!(judge(&rows).is_ok());
         for (change, said) in [
             (
-                (|row| row.instr_median = Some(950_001)) as fn(&mut Row),
+                (|row| row.instr_worst = Some(950_001)) as fn(&mut Row),
                 "takes 950001",
             ),
             (|row| row.stack_b = Some(16_385), "stack 16385 bytes"),
@@ -634,11 +607,11 @@ mod tests {
         assert_eq!(exponent(&square[..1]), None);
         let text = table(&parse(PRINTED).unwrap());
         assert!(
-            text.contains("N = 24: 301 filters, 3590000 instructions"),
+            text.contains("N = 24: 301 filters, 3500000 instructions"),
             "{text}"
         );
-        assert!(text.contains("of 18 states +12.8 %"), "{text}");
-        assert!(text.contains("grows as N^1.93"), "{text}");
+        assert!(text.contains("of 18 states +12.1 %"), "{text}");
+        assert!(text.contains("grows as N^1.94"), "{text}");
     }
 
     #[test]

@@ -250,9 +250,22 @@ impl<const M: usize> EpochInformation<M> {
     }
 
     /// Adds all that another set of satellites says; the sets must not share any.
+    #[inline(never)]
     pub fn add(&mut self, other: &Self) {
-        let own = self.clone();
-        self.set_sum(&own, other);
+        for s in 0..M {
+            self.position[s] = sum_of(&self.position[s], &other.position[s]);
+        }
+        self.velocity = sum_of(&self.velocity, &other.velocity);
+        self.velocity_drift = sum_of(&self.velocity_drift, &other.velocity_drift);
+        self.drift += other.drift;
+        self.bias += other.bias;
+        for k in 0..M - OFFSETS {
+            self.bias_offset[k] += other.bias_offset[k];
+            self.offset[k] += other.offset[k];
+        }
+        self.vector = sum_of(&self.vector, &other.vector);
+        self.weighted_square += other.weighted_square;
+        self.rows = self.rows.wrapping_add(other.rows);
     }
 
     /// Row `j` of velocity and drift: of Λ with the position and with those up to itself, and of y.

@@ -211,6 +211,8 @@ pub struct Bank<const K: usize, const M: usize> {
     /// Rows of the members present at this epoch, in the order of the members.
     rows: [Option<MeasurementRow<M>>; MAX_BANK],
     n_unmonitored: u8,
+    /// Information of each member's row, none for one that is missing.
+    own: [EpochInformation<M>; MAX_BANK],
     /// Information of the members from each on to the last.
     after: [EpochInformation<M>; MAX_BANK + 1],
     predicted: Predictions,
@@ -232,6 +234,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         pairs_are_dropped: false,
         rows: [None; MAX_BANK],
         n_unmonitored: 0,
+        own: [const { EpochInformation::ZERO }; MAX_BANK],
         after: [const { EpochInformation::ZERO }; MAX_BANK + 1],
         predicted: Predictions::NONE,
         before: EpochInformation::ZERO,
@@ -440,17 +443,19 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     /// Sums of the rows from each member on to the last.
     fn sum_up(&mut self, information: &mut EpochInformation<M>) {
         let n = self.members.len();
-        let mut sum = EpochInformation::ZERO;
-        for (at, place) in self.after.iter_mut().enumerate().rev() {
-            if at > n {
-                continue;
+        for (own, row) in self.own.iter_mut().zip(&self.rows).take(n) {
+            own.clear();
+            if let Some(row) = row {
+                own.add_row(row);
             }
-            if let Some(row) = self.rows.get(at).and_then(Option::as_ref) {
-                sum.add_row(row);
-            }
-            place.clone_from(&sum);
         }
-        information.clone_from(&sum);
+        information.clear();
+        for (at, place) in self.after.iter_mut().enumerate().take(n + 1).rev() {
+            if let Some(own) = self.own.get(at).filter(|_| at < n) {
+                information.add(own);
+            }
+            place.clone_from(information);
+        }
     }
 
     /// Updates all filters but the main one.
@@ -458,7 +463,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     pub fn update(&mut self, sub: &mut SubFilters<K, M>, secondaries: &mut Secondaries<K, M>) {
         let Self {
             members,
-            rows,
+            own,
             after,
             before,
             between,
@@ -467,7 +472,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             ..
         } = self;
         before.clear();
-        for (at, (member, row)) in members.iter().zip(rows.iter()).enumerate() {
+        for (at, (member, own_row)) in members.iter().zip(own.iter()).enumerate() {
             let Some(rest) = after.get(at + 1) else {
                 break;
             };
@@ -476,7 +481,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 filter.update(without, update_workspace);
             }
             between.clone_from(before);
-            let others = members.iter().zip(rows.iter()).enumerate().skip(at + 1);
+            let others = members.iter().zip(own.iter()).enumerate().skip(at + 1);
             for (other_at, (other, other_row)) in others {
                 let Some(rest) = after.get(other_at + 1) else {
                     break;
@@ -485,13 +490,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 if let Some(filter) = secondaries.filters.get_mut(pair(member.place, other.place)) {
                     filter.update(without, update_workspace);
                 }
-                if let Some(row) = other_row {
-                    between.add_row(row);
-                }
+                between.add(other_row);
             }
-            if let Some(row) = row {
-                before.add_row(row);
-            }
+            before.add(own_row);
         }
     }
 
@@ -500,7 +501,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     #[inline(never)]
     pub fn update_sub(&mut self, sub: &mut SubFilters<K, M>) {
         self.before.clear();
-        for (at, (member, row)) in self.members.iter().zip(&self.rows).enumerate() {
+        for (at, (member, own)) in self.members.iter().zip(&self.own).enumerate() {
             let Some(rest) = self.after.get(at + 1) else {
                 break;
             };
@@ -508,9 +509,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.update(&self.without, &mut self.update_workspace);
             }
-            if let Some(row) = row {
-                self.before.add_row(row);
-            }
+            self.before.add(own);
         }
     }
 
@@ -619,8 +618,17 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 .all(|other| {
                     let filter = secondaries.filters.get(pair(member.place, other.place));
                     filter.is_some_and(|filter| {
-                        let spread = separation::spread(without, filter, c_enu_e);
                         let between = noise.pair(member.place, other.place);
+                        if separation::is_surely_quiet(
+                            without,
+                            filter,
+                            c_enu_e,
+                            between,
+                            k_isolation,
+                        ) {
+                            return true;
+                        }
+                        let spread = separation::spread(without, filter, c_enu_e);
                         let second = Separation {
                             statistic_m: spread.distance_m,
                             threshold_m: separation::widened(spread.sigma_m, between)
@@ -781,5 +789,7 @@ fn raise(level_m: &mut [f64; 2], axis: usize, of: &[f64; 2], and: &[f64; 2]) {
     }
 }
 
+#[cfg(test)]
+mod recording_tests;
 #[cfg(test)]
 mod tests;

@@ -25,6 +25,9 @@ use crate::stats::{StatsError, normal};
 /// measurements, and there is nothing to test.
 const MIN_VARIANCE_M2: f64 = 1.0e-10;
 
+/// Rounding of a square and a limit against each other, with a wide margin.
+const SURE: f64 = 1e-9;
+
 /// Distance of two positions and one sigma of it, horizontally along the direction in which it is
 /// largest, and vertically.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,19 +104,61 @@ fn position_covariance<const K: usize, const M: usize>(filter: &Filter<K, M>) ->
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
 }
 
-/// Largest eigenvalue of the horizontal part, and the vertical variance.
-fn variances(p_e: &Matrix3<f64>, c_enu_e: &Matrix3<f64>) -> [f64; 2] {
-    // Of the turned matrix only what the two need.
+/// East-east, east-north, north-north and up-up of a covariance: of the turned matrix only what is needed.
+fn turned(p_e: &Matrix3<f64>, c_enu_e: &Matrix3<f64>) -> [f64; 4] {
     let [east, north, up] = [0, 1, 2].map(|axis| c_enu_e.row(axis).transpose());
     let (of_east, of_north) = (p_e * east, p_e * north);
-    let (ee, en, nn) = (
+    [
         of_east.dot(&east),
         of_east.dot(&north),
         of_north.dot(&north),
-    );
+        up.dot(&(p_e * up)),
+    ]
+}
+
+/// Largest eigenvalue of the horizontal part, and the vertical variance.
+fn variances(p_e: &Matrix3<f64>, c_enu_e: &Matrix3<f64>) -> [f64; 2] {
+    let [ee, en, nn, uu] = turned(p_e, c_enu_e);
     let half = 0.5 * (ee - nn);
     let largest = 0.5 * (ee + nn) + libm::sqrt(half * half + en * en);
-    [largest, up.dot(&(p_e * up))]
+    [largest, uu]
+}
+
+/// Whether a separation, with the variance `extra` on top, is below `quantile` sigmas on both axes by more than
+/// rounding. Found without a root, from the larger horizontal variance in place of the largest of all
+/// directions; false where that does not decide it.
+pub(super) fn is_surely_quiet<const K: usize, const M: usize>(
+    more: &Filter<K, M>,
+    less: &Filter<K, M>,
+    c_enu_e: &Matrix3<f64>,
+    extra: Variances,
+    quantile: f64,
+) -> bool {
+    let way = c_enu_e * between(more, less);
+    let difference = position_covariance(less) - position_covariance(more);
+    let [ee, _, nn, uu] = turned(&difference, c_enu_e);
+    let horizontal = if ee > nn { ee } else { nn };
+    let [extra_h, extra_v] = extra;
+    let squares = [
+        (way.x * way.x + way.y * way.y, horizontal, extra_h),
+        (way.z * way.z, uu, extra_v),
+    ];
+    squares.into_iter().all(|(square, variance, extra)| {
+        let limit = quantile * quantile * (variance + extra);
+        variance > MIN_VARIANCE_M2 && limit.is_finite() && square <= limit * (1.0 - SURE)
+    })
+}
+
+/// From the position of `less` to that of `more`.
+fn between<const K: usize, const M: usize>(
+    more: &Filter<K, M>,
+    less: &Filter<K, M>,
+) -> Vector3<f64> {
+    let [from, to] = [more, less].map(|filter| {
+        let [position, ..] = filter.state().navigation;
+        Vector3::from(position)
+    });
+    from - to
 }
 
 /// One sigma of a separation, 0 where there is nothing to test, infinite where its variance is no number.
@@ -133,11 +178,7 @@ pub fn spread<const K: usize, const M: usize>(
     less: &Filter<K, M>,
     c_enu_e: &Matrix3<f64>,
 ) -> Spread {
-    let [from, to] = [more, less].map(|filter| {
-        let [position, ..] = filter.state().navigation;
-        Vector3::from(position)
-    });
-    let way = c_enu_e * (from - to);
+    let way = c_enu_e * between(more, less);
     let difference = position_covariance(less) - position_covariance(more);
     Spread {
         distance_m: [libm::sqrt(way.x * way.x + way.y * way.y), libm::fabs(way.z)],
@@ -268,6 +309,37 @@ mod tests {
         assert_eq!(spread.sigma_m[1], 2.0);
         let own = sigmas_m(&less, &Matrix3::identity());
         assert_eq!(own, [5.0_f64.sqrt(), 3.0]);
+    }
+
+    #[test]
+    fn what_is_surely_quiet_passes_its_test() {
+        let identity = Matrix3::identity();
+        let more = filter([0.0; 3], [0.0; 6]);
+        let quiet = |position: [f64; 3], block: [f64; 6], extra: Variances| {
+            let less = filter(position, block);
+            let surely = is_surely_quiet(&more, &less, &identity, extra, 2.0);
+            let spread = spread(&more, &less, &identity);
+            let separation = Separation {
+                statistic_m: spread.distance_m,
+                threshold_m: widened(spread.sigma_m, extra).map(|sigma| 2.0 * sigma),
+                ..Separation::ZERO
+            };
+            assert!(!surely || !separation.is_failed(true));
+            surely
+        };
+        let block = [4.0, 1.0, 0.0, 1.0, 0.0, 9.0];
+        assert!(quiet([3.0, 2.0, 5.9], block, [0.0; 2]));
+        assert!(!quiet([3.0, 2.9, 5.9], block, [0.0; 2]));
+        assert!(quiet([3.0, 2.9, 5.9], block, [1.0, 0.0]));
+        assert!(!quiet([3.0, 2.0, 6.0], block, [0.0; 2]));
+        // The largest direction would let it pass: not decided.
+        assert!(!quiet([3.9, 1.1, 0.0], block, [0.0; 2]));
+        assert!(!quiet([0.0; 3], [0.0; 6], [1.0; 2]));
+        for bad in [f64::NAN, f64::INFINITY] {
+            assert!(!quiet([bad, 0.0, 0.0], block, [0.0; 2]));
+            assert!(!quiet([0.0; 3], [bad; 6], [0.0; 2]));
+            assert!(!quiet([0.0; 3], block, [bad; 2]));
+        }
     }
 
     #[test]

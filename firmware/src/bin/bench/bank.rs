@@ -37,6 +37,8 @@ const STAGE_RUNS: usize = 3;
 const RANGE_M: f64 = 22_000e3;
 /// A fault that every filter with the satellite shows at once, m.
 const FAULT_M: f64 = 1e4;
+/// A fault that grows by this much per epoch, m.
+const RAMP_M: f64 = 2.0;
 
 /// A bank with all its filters, and the epoch it is fed with.
 pub struct Memory<const K: usize, const M: usize> {
@@ -168,7 +170,7 @@ impl<const K: usize, const M: usize> Memory<K, M> {
 
         // Everything at once: all satellites are new and the last of them is faulty.
         self.begin(random, shared);
-        let (pass, verdict) = self.measured(random, shared, n, Some(n - 1));
+        let (pass, verdict) = self.measured(random, shared, n, Some((n - 1, FAULT_M)));
         require(
             verdict.isolated == Some(self.rows[n - 1].satellite),
             "the faulty satellite was not isolated",
@@ -192,13 +194,23 @@ impl<const K: usize, const M: usize> Memory<K, M> {
         let (pass, _) = self.measured(random, shared, 0, None);
         also(&mut held, &mut total, pass);
         self.measured(random, shared, n, None);
-        let (pass, verdict) = self.measured(random, shared, n, Some(n - 1));
+        let (pass, verdict) = self.measured(random, shared, n, Some((n - 1, FAULT_M)));
         require(verdict.isolated.is_some(), "no satellite was isolated");
         also(&mut exclusion, &mut total, pass);
-        // One more than there are, but the excluded one: a birth into the place that became free.
-        let (pass, _) = self.measured(random, shared, n, None);
-        birth.add(pass);
         require(self.is_healthy(n), "a filter fell ill");
+        // A ramp: when it is found, every filter without one satellite still agrees with most of the pairs'.
+        self.begin(random, shared);
+        self.measured(random, shared, n, None);
+        let mut fault_m = 0.0;
+        let found = loop {
+            fault_m += RAMP_M;
+            let (pass, verdict) = self.measured(random, shared, n, Some((n - 1, fault_m)));
+            if verdict.detected || fault_m > FAULT_M {
+                require(verdict.detected, "the ramp was not found");
+                break pass;
+            }
+        };
+        also(&mut exclusion, &mut total, found);
 
         total.print_of(
             "bank/total",
@@ -233,11 +245,11 @@ impl<const K: usize, const M: usize> Memory<K, M> {
         random: &mut Random,
         shared: &Shared<'_>,
         n: usize,
-        faulty: Option<usize>,
+        faulty: Option<(usize, f64)>,
     ) -> (Pass, BankVerdict) {
         self.observe(random);
-        if let Some(row) = faulty.and_then(|index| self.rows.get_mut(index)) {
-            row.row.innovation_m += FAULT_M;
+        if let Some((index, fault_m)) = faulty {
+            self.rows[index].row.innovation_m += fault_m;
         }
         let mut verdict = None;
         let pass = pass(|| verdict = Some(self.epoch(black_box(shared), black_box(n))));
