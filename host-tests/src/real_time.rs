@@ -107,8 +107,10 @@ pub struct Outcome {
     pub worst_wait_s: f64,
     /// Bytes of the longest answer to an epoch.
     pub answer_bytes: usize,
-    /// Most instructions of each stage.
+    /// Most work of each stage, in what the whole clock would have executed in the time it took.
     pub worst_work: Vec<u32>,
+    /// Reports with the bank in which there was no time for the filters of the pairs.
+    pub pairs_dropped: usize,
     /// Deadlines missed, by the board's own count.
     pub deadline_misses: u32,
     /// Bytes of the stream that found the ring full.
@@ -221,6 +223,12 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
             .fold(0.0, f64::max),
         answer_bytes,
         worst_work: told.worst_work,
+        pairs_dropped: board
+            .banks
+            .iter()
+            .flatten()
+            .filter(|bank| bank.pairs_dropped)
+            .count(),
         deadline_misses: told.deadline_misses,
         bytes_lost: board.counters.map_or(0, |c| c.receiver_bytes_lost),
         stack_bytes: told.stack_bytes,
@@ -308,6 +316,12 @@ impl fmt::Display for Outcome {
             args.rate_hz,
             args.imu_rate_hz,
         )?;
+        if args.slow {
+            writeln!(
+                f,
+                "work is counted as what the whole clock would have executed in the time it took"
+            )?;
+        }
         let used = self.reports.iter().map(|r| r.used.len());
         let tight = self
             .reports
@@ -329,8 +343,9 @@ impl fmt::Display for Outcome {
         let is_filled = self.in_bank.iter().filter(|n| **n == filled).count();
         writeln!(
             f,
-            "reports with the bank          {}, {is_filled} of them with {filled} satellites in it",
+            "reports with the bank          {}, {is_filled} of them with {filled} satellites in it, {} without pairs",
             self.in_bank.len(),
+            self.pairs_dropped,
         )?;
         writeln!(
             f,
@@ -368,7 +383,11 @@ impl fmt::Display for Outcome {
             ms * line_s,
         )?;
         for (stage, work) in STAGES.iter().zip(&self.worst_work) {
-            writeln!(f, "work of {:<22} {work} instructions at most", stage.name)?;
+            writeln!(
+                f,
+                "work of {:<22} {work} instructions at most; {} are allowed",
+                stage.name, stage.budget
+            )?;
         }
         writeln!(
             f,

@@ -95,10 +95,10 @@ fn a_fixed_antenna_is_replayed_with_a_unit_of_every_grade_and_its_bank_is_told()
         // Columns of the bank stand last, in fours, sorted by satellite, and hold tests.
         let first = place("n_bank");
         assert_eq!(
-            columns[first..first + 4].join(","),
-            "n_bank,n_unmonitored,uncertainty_h_m,uncertainty_v_m"
+            columns[first..first + 7].join(","),
+            "n_bank,n_unmonitored,uncertainty_h_m,uncertainty_v_m,opinions,p_unmonitored,pairs_dropped"
         );
-        let names: Vec<&str> = columns[first + 4..]
+        let names: Vec<&str> = columns[first + 7..]
             .chunks(4)
             .map(|four| {
                 let name = four[0].strip_prefix("d_h_").unwrap();
@@ -107,7 +107,12 @@ fn a_fixed_antenna_is_replayed_with_a_unit_of_every_grade_and_its_bank_is_told()
                 name
             })
             .collect();
+        let (constellations, names) = {
+            let is_letter = |name: &&str| name.len() == 1;
+            names.into_iter().partition::<Vec<&str>, _>(is_letter)
+        };
         assert!(names.is_sorted() && names.len() >= 12, "{names:?}");
+        assert_eq!(constellations, ["C", "E", "G"]);
         let n_bank: usize = of(last, "n_bank").parse().unwrap();
         let tested = names
             .iter()

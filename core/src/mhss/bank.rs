@@ -794,4 +794,6 @@ fn raise(level_m: &mut [f64; 2], axis: usize, of: &[f64; 2], and: &[f64; 2]) {
 }
 
 #[cfg(test)]
+mod recording_tests;
+#[cfg(test)]
 mod tests;

@@ -80,7 +80,16 @@ pub fn select<const K: usize, const M: usize>(
     }
     let (_, best) = of_members(false).next()?;
     let (satellite, least) = worst?;
-    (may_swap && *best > SWAP_FACTOR * least).then_some(satellite)
+    if !(may_swap && *best > SWAP_FACTOR * least) {
+        return None;
+    }
+    // It waits behind all others from now on.
+    if let Some(from) = rows.iter().position(|row| row.satellite == satellite) {
+        for at in from + 1..rows.len() {
+            rows.swap_checked(at);
+        }
+    }
+    Some(satellite)
 }
 
 /// Swaps an element with the one before it.

@@ -483,16 +483,21 @@ impl TightMonitor {
         };
         let correlated = &mut recording.correlated;
         let mut verdict = bank.assess(&criterion, correlated, main, sub, secondaries);
+        let is_young = is_recent(recording.pairs_since, place.time);
         let explanation = verdict.isolated.map(Explanation::One).or_else(|| {
             let explains = verdict.detected;
-            explains.then(|| bank.explain(&recording.postfit, true, sub, secondaries))?
+            let explanation =
+                explains.then(|| bank.explain(&recording.postfit, true, sub, secondaries))??;
+            // A young filter without a constellation still holds what that did.
+            let is_known = !(is_young && matches!(explanation, Explanation::Constellation(_)));
+            is_known.then_some(explanation)
         });
         let mut still_fails = verdict.detected;
         let excluded = match explanation {
             None => false,
             Some(Explanation::One(satellite)) => {
                 let left = bank.place(satellite);
-                if is_recent(recording.pairs_since, place.time) {
+                if is_young {
                     let excluded = bank.exclude_alone(satellite, main, sub, secondaries);
                     if let Some(left) = left {
                         correlated.exclude_alone(left);

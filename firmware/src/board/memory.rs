@@ -22,6 +22,8 @@ pub static ARRIVED: Arrivals<{ 2 * RECEIVED_CAPACITY / EVERY as usize }> = Arriv
 static MONITOR: ConstStaticCell<Monitor> = ConstStaticCell::new(Monitor::EMPTY);
 
 /// What the bank found at an epoch, on its way out.
+// SAFETY: as for the section of `MONITOR`.
+#[cfg_attr(feature = "board-h743", unsafe(link_section = ".d2sram"))]
 static BANK: ConstStaticCell<BankReport> = ConstStaticCell::new(BankReport::EMPTY);
 
 /// F00 and F0n: beside the stack in the fastest memory.

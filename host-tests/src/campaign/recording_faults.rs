@@ -20,7 +20,6 @@ use anyhow::{Context, Result};
 use rand_chacha::ChaCha20Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
-use surefix_core::bank_report::BankReport;
 use surefix_core::config::IonosphereModel;
 use surefix_core::gnss::{Satellite, SatelliteSet};
 use surefix_core::integrity::{Integrity, Phase};
@@ -125,8 +124,20 @@ pub struct Folders<'a> {
 /// # Errors
 /// When the recording is absent or unusable.
 pub fn esbc(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+    at_esbjerg(folders, seed, "ESBC_2020177_0000-0400.rnx")
+}
+
+/// The whole day.
+///
+/// # Errors
+/// When the recording is absent or unusable.
+pub fn esbc_day(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+    at_esbjerg(folders, seed, "ESBC00DNK_R_20201770000_01D_30S_MO.crx.gz")
+}
+
+fn at_esbjerg(folders: &Folders<'_>, seed: u64, file: &str) -> Result<Subject> {
     let data = folders.data.join("esbc-2020-177");
-    let mut options = ReplayOptions::new(data.join("ESBC_2020177_0000-0400.rnx"));
+    let mut options = ReplayOptions::new(data.join(file));
     options.nav = vec![data.join("ESBC00DNK_R_20201770000_01D_MN.rnx.gz")];
     let (start, end, station) = static_imu::span(&options.gnss, &options.nav, &options.config)?;
     let r_e_m = station.context("the recording does not state its position")?;
@@ -296,6 +307,8 @@ pub struct Found {
     pub in_bank: bool,
     /// From the beginning to the first alert or exclusion, s.
     pub detected_s: Option<f64>,
+    /// How the opinions stood to each other then.
+    pub opinions: Option<&'static str>,
     /// A test of the bank failed at some epoch of it.
     pub bank_detected: bool,
     /// From the beginning to the exclusion of the satellite, s.
@@ -325,11 +338,6 @@ fn ratios(report: &EpochReport, error: Option<[f64; 3]>) -> [Option<(f64, f64)>;
 fn is_above(report: &EpochReport, error: Option<[f64; 3]>) -> bool {
     let above = |pair: &Option<(f64, f64)>| pair.is_some_and(|(error, level)| !(error <= level));
     report.verdict.integrity.is_usable() && ratios(report, error).iter().any(above)
-}
-
-/// Whether a test of the bank failed.
-fn detects(bank: &BankReport) -> bool {
-    bank.detected
 }
 
 /// One recording with some constellations.
@@ -443,6 +451,7 @@ impl Bench<'_> {
             size_m: shape.size_m,
             in_bank: false,
             detected_s: None,
+            opinions: None,
             bank_detected: false,
             excluded_s: None,
             alerts: 0,
@@ -476,13 +485,15 @@ impl Bench<'_> {
             let verdict = &report.verdict;
             let is_out = verdict.excluded.contains(fault.satellite);
             let is_alert = verdict.integrity == Integrity::Alert;
-            if is_out || is_alert {
-                found.detected_s.get_or_insert(t_s - fault.t0_s);
+            if (is_out || is_alert) && found.detected_s.is_none() {
+                found.detected_s = Some(t_s - fault.t0_s);
+                let opinions = bank.as_deref().and_then(|bank| bank.opinions);
+                found.opinions = opinions.map(|opinions| opinions.name());
             }
             if is_out {
                 found.excluded_s.get_or_insert(t_s - fault.t0_s);
             }
-            found.bank_detected |= bank.as_deref().is_some_and(detects);
+            found.bank_detected |= bank.as_deref().is_some_and(|bank| bank.detected);
             found.alerts += usize::from(is_alert);
             found.wrong += usize::from(is_wrong(report, faults, t_s));
         }

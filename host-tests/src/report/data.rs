@@ -136,6 +136,7 @@ pub fn pack(table: &Table) -> Value {
     let number = |get: fn(&Row) -> Option<f64>| column(rows.iter().map(get));
     let (states, state) = names(rows, |row| &row.integrity);
     let (reasons, reason) = names(rows, |row| &row.reason);
+    let (opinions, opinion) = names(rows, |row| &row.opinions);
     let satellites: Vec<Value> = satellite_ranges(rows)
         .into_iter()
         .map(|(name, used, excluded)| json!({ "id": name, "used": used, "out": excluded }))
@@ -149,6 +150,8 @@ pub fn pack(table: &Table) -> Value {
         "state": column(state.into_iter()),
         "reasons": reasons,
         "reason": column(reason.into_iter()),
+        "opinions": opinions,
+        "opinion": column(opinion.into_iter()),
         "hpl": number(|r| r.hpl_m),
         "vpl": number(|r| r.vpl_m),
         "hal": number(|r| r.hal_m),

@@ -26,7 +26,7 @@
   }
   const T = times(D.t);
   const col = {};
-  for (const k of ["week", "state", "reason", "hpl", "vpl", "hal", "val", "stat", "thr", "nsat", "nvis", "e", "nn", "u", "uh", "uv", "nbank"]) col[k] = column(D[k]);
+  for (const k of ["week", "state", "reason", "hpl", "vpl", "hal", "val", "stat", "thr", "nsat", "nvis", "e", "nn", "u", "uh", "uv", "nbank", "opinion"]) col[k] = column(D[k]);
   const map = (f) => Float32Array.from({ length: N }, (_, i) => f(i));
   col.he = map((i) => Math.hypot(col.e[i], col.nn[i]));
   col.ve = map((i) => Math.abs(col.u[i]));
@@ -433,7 +433,9 @@
       for (const [from, to] of s.in) for (let k = from; k < to; k++, at++) {
         for (const a of [0, 1]) if (packed[a][at] !== 65535) ratio[a][k] = packed[a][at] / 1000;
       }
-      return { id: s.id, ratio, excluded: out.has(s.id) };
+      // A single letter is a constellation.
+      const id = { G: "GPS", E: "Galileo", C: "BDS" }[s.id] || s.id;
+      return { id, ratio, excluded: out.has(s.id) };
     });
     const largest = [0, 1].map((a) => {
       const line = new Float32Array(B).fill(NaN);
@@ -727,7 +729,7 @@
       };
       if (al === al) {
         if (Y(al) - b.y > 16) label(["system unavailable"], b.x + 8, b.y + 12, "left", "soft");
-        label(["normal", "operation"], b.x + 8, Math.min(Y(al) + 20, low - 20), "left", "nominal");
+        label(["normal", "operation"], b.x + 8, Y(al) + 0.36 * (low - Y(al)), "left", "nominal");
         if (X(al) - b.x > 110) label(["misleading", "information"], X(al) - 8, low - 20, "right", "second");
         if (right - X(al) > 190) label(["hazardously misleading information"], right - 6, low - 20, "right", "alert");
         else if (right - X(al) > 92) label(["hazardously", "misleading", "information"], right - 6, low - 28, "right", "alert");
@@ -794,6 +796,21 @@
     name: "Integrity", rowHeight: 15, rows: stateRows, legend: reasonNames,
     read: (i) => D.states[col.state[i]] + (reasonAt(i) ? ": " + reasonAt(i) : ""),
   });
+
+  // Two opinions, where there are two: the snapshot's and the bank's.
+  const opinionOrder = [["agree", "nominal"], ["snapshot_only", "excluded"], ["bank_only", "level"], ["snapshot_abstains", "unavailable"]];
+  if (D.opinions.some((o) => o !== "")) {
+    const rows = opinionOrder.map(([name, css]) => {
+      const k = D.opinions.indexOf(name);
+      const label = { agree: "agree", snapshot_only: "snapshot", bank_only: "bank", snapshot_abstains: "abstains" }[name];
+      return { label, layers: [{ css, ranges: k < 0 ? [] : rangesWhere((i) => col.opinion[i] === k), inset: 2 }] };
+    });
+    stripPanel(main, {
+      name: "Two opinions", rowHeight: 13, rows,
+      legend: ["snapshot and bank agree", "a fault seen by the snapshot only", "by the bank only", "the snapshot has nothing to test"],
+      read: (i) => words(D.opinions[col.opinion[i]]),
+    });
+  }
 
   linePanel(main, {
     name: "Horizontal", unit: "m", log: true, note: D.truth ? "" : "no truth given",

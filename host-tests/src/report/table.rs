@@ -48,6 +48,8 @@ pub struct Row {
     pub error_enu_m: Option<[f64; 3]>,
     /// Satellites in the bank of filters, where it ran.
     pub n_bank: Option<f64>,
+    /// How its opinion and the snapshot's stand to each other; empty where there are not two.
+    pub opinions: String,
     /// How far off the position may be while a fault is present, horizontal and vertical, m.
     pub uncertainty_m: [Option<f64>; 2],
     /// Tests of the bank.
@@ -57,7 +59,7 @@ pub struct Row {
 /// The test of one filter of the bank.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Test {
-    /// Which satellite the filter leaves out, in [`Table::tested`].
+    /// Which satellite or constellation the filter leaves out, in [`Table::tested`].
     pub satellite: u16,
     /// Statistic over threshold, horizontal and vertical: NaN where there is nothing to test, infinite
     /// where one of the two is not finite, which fails the test.
@@ -186,7 +188,7 @@ impl Line<'_> {
     }
 }
 
-/// Names of the satellites that have columns of the bank.
+/// Names of the satellites and letters of the constellations that have columns of the bank.
 fn tested(first_line: &str) -> Vec<String> {
     let columns = first_line.split(',').map(str::trim);
     columns
@@ -252,6 +254,7 @@ fn parse_epochs(mut from: impl BufRead) -> Result<Table> {
             threshold: number("threshold")?,
             error_enu_m: None,
             n_bank: number("n_bank")?,
+            opinions: line.text("opinions").to_owned(),
             uncertainty_m: [number("uncertainty_h_m")?, number("uncertainty_v_m")?],
             tests: line.tests(&places)?,
         });

@@ -145,7 +145,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         (rival > sum_of_squares + MARGIN).then_some(without)
     }
 
-    /// The one constellation without which everything fits.
+    /// The one constellation without which everything fits, and whose own test failed. Two constellations that
+    /// are each consistent in themselves leave it open: which of them the main filter follows, and whose
+    /// test therefore passes, is a matter of their numbers, not of their health.
     fn constellation(
         &self,
         limits: &PostfitLimits,
@@ -162,16 +164,16 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 continue;
             };
             let fit = self.fit(filter, |satellite| satellite.system() != system);
-            if !separation.is_failed(vertical) || !limits.fits(fit.sum_of_squares, fit.rows) {
+            if !limits.fits(fit.sum_of_squares, fit.rows) {
                 continue;
             }
             // One that cannot be told from it leaves it open.
             if found.is_some() || !fit.can_tell() {
                 return None;
             }
-            found = Some(system);
+            found = Some((system, separation.is_failed(vertical)));
         }
-        found
+        found.and_then(|(system, is_failed)| is_failed.then_some(system))
     }
 
     /// Post-fit residuals of the pseudoranges that a filter has.

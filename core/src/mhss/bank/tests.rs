@@ -5,10 +5,10 @@ use super::*;
 use crate::ekf::layout::POSITION;
 use crate::gnss::System;
 
-const K: usize = 2;
-const M: usize = 8;
+pub(super) const K: usize = 2;
+pub(super) const M: usize = 8;
 
-fn sat(prn: u8) -> Satellite {
+pub(super) fn sat(prn: u8) -> Satellite {
     Satellite::new(System::Gps, prn).unwrap()
 }
 
@@ -24,7 +24,7 @@ fn filter(position: [f64; 3], variance: f64) -> Filter<K, M> {
 }
 
 /// A filter to tell from others by its position.
-fn marked(x: f64) -> Filter<K, M> {
+pub(super) fn marked(x: f64) -> Filter<K, M> {
     filter([x, 0.0, 0.0], 1.0)
 }
 
@@ -39,18 +39,18 @@ fn row(prn: u8, weight: f64) -> BankRow<M> {
     }
 }
 
-struct Fixture {
-    bank: Box<Bank<K, M>>,
-    main: Filter<K, M>,
-    sub: Box<SubFilters<K, M>>,
-    secondaries: Box<Secondaries<K, M>>,
-    information: EpochInformation<M>,
-    quantiles: SeparationQuantiles,
-    vertical: bool,
+pub(super) struct Fixture {
+    pub(super) bank: Box<Bank<K, M>>,
+    pub(super) main: Filter<K, M>,
+    pub(super) sub: Box<SubFilters<K, M>>,
+    pub(super) secondaries: Box<Secondaries<K, M>>,
+    pub(super) information: EpochInformation<M>,
+    pub(super) quantiles: SeparationQuantiles,
+    pub(super) vertical: bool,
 }
 
 impl Fixture {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let mut quantiles = SeparationQuantiles::EMPTY;
         quantiles.fill(0.1, 1e-3, 1e-7).unwrap();
         Self {
@@ -65,7 +65,7 @@ impl Fixture {
     }
 
     /// An epoch at `t_s` with these satellites, held for ten seconds.
-    fn admit(&mut self, t_s: i64, prns: &[u8]) {
+    pub(super) fn admit(&mut self, t_s: i64, prns: &[u8]) {
         let rows: Vec<_> = prns.iter().map(|prn| row(*prn, f64::from(*prn))).collect();
         let epoch = BankEpoch {
             time: GpsTime::from_ns(t_s * 1_000_000_000),
@@ -77,17 +77,17 @@ impl Fixture {
             .admit(&epoch, &self.main, sub, secondaries, &mut self.information);
     }
 
-    fn sub(&mut self, prn: u8) -> &mut Filter<K, M> {
+    pub(super) fn sub(&mut self, prn: u8) -> &mut Filter<K, M> {
         let place = self.bank.place_of(sat(prn)).unwrap();
         &mut self.sub.filters[place]
     }
 
-    fn secondary(&mut self, a: u8, b: u8) -> &mut Filter<K, M> {
+    pub(super) fn secondary(&mut self, a: u8, b: u8) -> &mut Filter<K, M> {
         let [a, b] = [a, b].map(|prn| self.bank.place_of(sat(prn)).unwrap());
         &mut self.secondaries.filters[pair(a, b)]
     }
 
-    fn test(&mut self) -> BankVerdict {
+    pub(super) fn test(&mut self) -> BankVerdict {
         let criterion = Criterion {
             quantiles: &self.quantiles,
             vertical: self.vertical,
@@ -97,7 +97,7 @@ impl Fixture {
             .test(&criterion, &self.main, &self.sub, &self.secondaries)
     }
 
-    fn exclude(&mut self, prn: u8) -> bool {
+    pub(super) fn exclude(&mut self, prn: u8) -> bool {
         let (sub, secondaries) = (&mut self.sub, &mut self.secondaries);
         self.bank
             .exclude(sat(prn), &mut self.main, sub, secondaries)
@@ -105,7 +105,7 @@ impl Fixture {
 
     /// Satellites 1 to 4, each filter at 10 m but those that leave out one of `healthy`, which are at 0;
     /// a separation's sigma is 1 m on each axis.
-    fn with_fault(axis: usize, healthy_without: &[u8]) -> Self {
+    pub(super) fn with_fault(axis: usize, healthy_without: &[u8]) -> Self {
         let mut fixture = Self::new();
         fixture.admit(0, &[1, 2, 3, 4]);
         let at = |without: &[u8]| {

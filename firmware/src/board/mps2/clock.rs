@@ -33,10 +33,22 @@ pub fn ticks() -> u32 {
 const INSTRUCTION_NS: u64 = if cfg!(feature = "real-time") { 4 } else { 64 };
 /// Virtual time of a tick, ns.
 const TICK_NS: u64 = 40;
+#[cfg(feature = "real-time")]
+const TICKS_PER_SECOND: u64 = 1_000_000_000 / TICK_NS;
 
 /// Executed instructions in a number of ticks.
 pub const fn instructions(ticks: u64) -> u64 {
     ticks * TICK_NS / INSTRUCTION_NS
+}
+
+/// Work that a tick stands for: its instructions. In real time with a clock that is cut the instructions
+/// that the whole clock would have executed, so that core's budgets are the same part of an epoch.
+fn work(ticks: u64) -> u64 {
+    #[cfg(feature = "real-time")]
+    if let Some(rate) = super::ticks_per_second() {
+        return instructions(ticks) * (TICKS_PER_SECOND / u64::from(rate).max(1));
+    }
+    instructions(ticks)
 }
 
 /// The cycle counter handed to core, in executed instructions.
@@ -64,6 +76,6 @@ impl CycleCounter for Cycles {
             .ticks
             .wrapping_add(u64::from(now.wrapping_sub(self.last_ticks)));
         self.last_ticks = now;
-        instructions(self.ticks) as u32
+        work(self.ticks) as u32
     }
 }
