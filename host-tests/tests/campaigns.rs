@@ -2,9 +2,13 @@
 //!
 //! Seeds are fixed: a test gives the same counts on every machine.
 
+use surefix_host_tests::campaign::double_faults::{
+    ConstellationFaults, DURATION_S, DoubleFaults, ONSET_S,
+};
 use surefix_host_tests::campaign::false_alerts::{self, FalseAlerts, SATELLITES};
 use surefix_host_tests::campaign::monte_carlo::{self, MonteCarlo};
 use surefix_host_tests::campaign::outcome::{self, Campaign, Outcome, merge};
+use surefix_host_tests::campaign::rig::BankModel;
 use surefix_host_tests::campaign::seed_ramp::{FaultRecord, SeedRamp};
 use surefix_host_tests::campaign::seed_sweep::{self, SeedSweep};
 use surefix_host_tests::faults::FaultKind;
@@ -78,6 +82,53 @@ fn false_alerts_are_as_frequent_as_allocated() {
     println!("{}", FalseAlerts::report(&outcome));
     for n in SATELLITES {
         false_alerts::check(&outcome, n, &white, &[1e-2]).unwrap();
+    }
+}
+
+/// With noise correlated over any time taken for what the product takes it for.
+/// INT-042.
+#[test]
+fn correlated_noise_raises_no_false_alerts_and_no_error_above_a_level() {
+    let product = |case: &false_alerts::Case| case.bank == BankModel::PRODUCT;
+    let cases: Vec<_> = false_alerts::cases().into_iter().filter(product).collect();
+    assert_eq!(cases.len(), 6);
+    let outcome = FalseAlerts::runs(1, 8, &cases).unwrap();
+    println!("{}", FalseAlerts::report(&outcome));
+    for case in &cases {
+        for n in SATELLITES {
+            false_alerts::check(&outcome, n, case, &false_alerts::P_FA).unwrap();
+        }
+    }
+}
+
+/// Pairs by both banks; a pair may stay an alert or undetected, but no position that may be used is worse
+/// than its level, and no healthy satellite is excluded by itself.
+/// INT-043.
+#[test]
+fn two_satellites_at_fault_leave_no_usable_epoch_above_the_level() {
+    let outcome = run::<DoubleFaults>(10);
+    for record in outcome.of() {
+        let fate = &record.fate;
+        assert!(!fate.false_alert && fate.healthy_out == 0, "{record:?}");
+        assert_eq!(fate.usable[1], 0, "{record:?}");
+    }
+    let isolated = outcome.of().filter(|r| r.fate.faulty == [2, 2]).count();
+    assert!(isolated * 10 >= outcome.records.len() * 8, "{isolated}");
+}
+
+/// The product's bank. A ramp of time that the offset between the constellations takes up raises no alert
+/// and moves no position.
+/// INT-044.
+#[test]
+fn a_constellation_at_fault_leaves_no_usable_epoch_above_the_level() {
+    let outcome = run::<ConstellationFaults>(3);
+    for record in outcome.of().filter(|r| r.bank == BankModel::PRODUCT) {
+        assert_eq!(record.fate.usable[1], 0, "{record:?}");
+        assert!(!record.fate.false_alert, "{record:?}");
+        if record.fault == "Bds time 0.05 m/s" {
+            let all = (DURATION_S - ONSET_S + 1) as u64;
+            assert_eq!(record.fate.usable[0], all, "{record:?}");
+        }
     }
 }
 

@@ -202,7 +202,7 @@ impl FalseAlerts {
 
 impl Campaign for FalseAlerts {
     const NAME: &'static str = "false-alerts";
-    const TRIALS: u64 = 4000;
+    const TRIALS: u64 = 1200;
     type Record = RunRecord;
 
     fn prepare(seed: u64, trials: u64) -> Result<Self> {

@@ -6,6 +6,11 @@
 //! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] | |
 //! | `recording-faults` | a replay of ESBC, walk or drive with an inertial unit and faults one after the other | `recording_faults.rs` |
 //! | `seed-ramp` | the ramp of [P0] 2.3 with each grade, with and without it on the range rate | `seed_ramp.rs` |
+//! | `seed-sweep` | every kind and size of fault on the same satellite | `seed_sweep.rs` |
+//! | `seed-monte-carlo` | a space-time point of [P0]; 120 of them are a flight with a fault | `monte_carlo.rs` |
+//! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
+//! | `double-faults` | two satellites at fault | `double_faults.rs` |
+//! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
 //! `sky.rs` which satellites, `errors.rs` noise and faults, `rig.rs` the code under test, `trial.rs` one
@@ -75,12 +80,12 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, seed-ramp, false-alerts, recording-faults), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
-    /// Most trials per cell, at least 1; without it every satellite at every time of day, or 200
-    /// flights
+    /// Trials, at least 1, by default as many as the campaign is meant to have: esbc-steps every satellite at
+    /// every time of day, seed-monte-carlo 8000 points
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     pub trials: Option<u64>,
     /// Seed of everything random
@@ -161,7 +166,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, seed-ramp, false-alerts, recording-faults, or merge"
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, or merge"
             )
         }
     };

@@ -361,15 +361,17 @@ impl<const K: usize, const M: usize> Rig<K, M> {
         }
         verdicts.reverse();
         let first = verdicts.first().context("no false-alert probability")?;
-        let mut excluded = first.isolated.map(Explanation::One);
-        if setup.explain && first.detected && excluded.is_none() {
-            excluded = bank.explain(limits, setup.vertical, sub, secondaries);
-        }
-        let excluded = excluded.filter(|_| setup.exclude);
         let is_recent =
             |since: &Option<GpsTime>| since.is_some_and(|since| time.ns() - since.ns() < BLIND_NS);
+        let young = setup.explain && is_recent(pairs_since);
+        let mut excluded = first.isolated.map(Explanation::One);
+        if setup.explain && first.detected && excluded.is_none() {
+            let explanation = bank.explain(limits, setup.vertical, sub, secondaries);
+            let is_known = |e: &Explanation| !(young && matches!(e, Explanation::Constellation(_)));
+            excluded = explanation.filter(is_known);
+        }
+        let excluded = excluded.filter(|_| setup.exclude);
         if let Some(explanation) = excluded {
-            let young = setup.explain && is_recent(pairs_since);
             *pairs_since = Some(time);
             if young || !matches!(explanation, Explanation::One(_)) {
                 *blind_since = Some(time);
