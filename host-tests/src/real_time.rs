@@ -130,8 +130,7 @@ pub struct Outcome {
 /// The flight on its line.
 fn prepare(args: &Args) -> Result<Line> {
     let seconds = args.minutes * 60.0;
-    // Written so that NaN is refused.
-    if !(seconds >= 1.0 && seconds <= 3600.0) {
+    if !(1.0..=3600.0).contains(&seconds) {
         bail!("--minutes {} is not between 1/60 and 60", args.minutes);
     }
     let scenario = inertial::fly(&inertial::Request {
