@@ -209,7 +209,12 @@ impl FilterCost {
             .get(Stage::Bank as usize)
             .map_or(0, |stage| stage.budget);
         let work = self.per_filter.saturating_mul(filters);
-        let fits = work <= budget && spent.saturating_add(work) <= EPOCH_BUDGET;
+        // Tests, levels and the filters without one satellite come on top.
+        let rest = STAGES
+            .get(Stage::Filter as usize)
+            .map_or(0, |stage| stage.budget);
+        let all = spent.saturating_add(work).saturating_add(rest);
+        let fits = work <= budget && all <= EPOCH_BUDGET;
         if !fits {
             self.per_filter -= self.per_filter / 32;
         }

@@ -93,6 +93,16 @@ impl Monitor {
         self.snapshot.configure(config)?;
         self.ingest.configure(config);
         self.tight.choose_systems(config);
+        let requirements = config.phase.requirements();
+        if self
+            .tight
+            .reallocate(&requirements)
+            .map_err(ConfigureError::Stats)?
+        {
+            self.snapshot
+                .share_false_alerts(SNAPSHOT_FALSE_ALERT_SHARE)
+                .map_err(ConfigureError::Stats)?;
+        }
         Ok(())
     }
 

@@ -258,6 +258,19 @@ impl TightMonitor {
         Ok(())
     }
 
+    /// The phase of flight has changed after the unit was configured: its risks are taken apart again. False
+    /// without a unit, or where a scenario folder is run.
+    pub(crate) fn reallocate(
+        &mut self,
+        requirements: &PhaseRequirements,
+    ) -> Result<bool, StatsError> {
+        let is_asked = self.config.is_some() && self.reference.is_none();
+        if is_asked {
+            self.allocate(requirements)?;
+        }
+        Ok(is_asked)
+    }
+
     /// Which constellations are used; the first has the clock the others' offsets are against.
     pub(crate) fn choose_systems(&mut self, config: &Config) {
         self.systems = [None; System::ALL.len()];
@@ -328,7 +341,7 @@ impl TightMonitor {
     fn start_with(&mut self, config: &InertialConfig, state: &InitialState) {
         self.offset_is_known = [false; CLOCKS];
         self.diverged = 0;
-        self.bank.clear();
+        self.bank.restart();
         self.bank_verdict = None;
         self.recording.start();
         self.late = 0;
@@ -501,6 +514,9 @@ impl TightMonitor {
         let shifted = |time: GpsTime| time.plus_ns(by_ns);
         self.intake.shift(by_ns);
         self.navigator.shift(by_ns);
+        self.bank.shift(by_ns);
+        self.recording.shift(by_ns);
+        self.bank_verdict = None;
         self.alignment.restart();
         self.last_epoch = self.last_epoch.map(shifted);
         self.last_attitude = self

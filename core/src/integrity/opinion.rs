@@ -2,8 +2,8 @@
 //!
 //! The worse opinion holds. The snapshot has a vote only when it can test: with four satellites or fewer, or in
 //! bad geometry, it abstains, and the bank alone decides, so that coasting stays possible. Levels come from the
-//! bank; where it has none to give, as after a fault of two satellites, a tested snapshot's serve, wider by
-//! the way between the two positions.
+//! bank; where it has none to give, as after a fault of two satellites, or none within the limits, as where leaving a
+//! satellite out leaves no position, a tested snapshot's serve, wider by the way between the two positions.
 
 use super::{Integrity, NoBound, ProtectionLevel, Reason, Verdict};
 use crate::gnss::SatelliteSet;
@@ -148,16 +148,33 @@ pub fn combine(
         );
         return (refused, opinions);
     }
-    match (bank.levels_m, separation_m) {
-        ([Some(hpl_m), Some(vpl_m)], _) => {
-            verdict.hpl = ProtectionLevel::from_bound(hpl_m);
-            verdict.vpl = ProtectionLevel::from_bound(vpl_m);
-        }
-        (_, Some(separation_m)) if vote == Vote::Passed => {
-            let moved = snapshot.moved_by(separation_m);
+    // A snapshot that still used what the bank has taken out at this epoch bounds nothing.
+    let is_fresh = bank
+        .excluded
+        .iter()
+        .all(|satellite| snapshot.excluded.contains(satellite));
+    let moved = separation_m
+        .filter(|_| vote == Vote::Passed && is_fresh)
+        .map(|separation_m| snapshot.moved_by(separation_m));
+    let is_within = |verdict: &Verdict| {
+        verdict.hpl.is_within(verdict.hal_m)
+            && verdict
+                .val_m
+                .is_none_or(|val_m| verdict.vpl.is_within(val_m))
+    };
+    let mut of_bank = verdict;
+    if let [Some(hpl_m), Some(vpl_m)] = bank.levels_m {
+        of_bank.hpl = ProtectionLevel::from_bound(hpl_m);
+        of_bank.vpl = ProtectionLevel::from_bound(vpl_m);
+    }
+    let has_levels = bank.levels_m.iter().all(Option::is_some);
+    match moved {
+        _ if has_levels && is_within(&of_bank) => verdict = of_bank,
+        Some(moved) if !has_levels || is_within(&moved) => {
             verdict.hpl = moved.hpl;
             verdict.vpl = moved.vpl;
         }
+        _ if has_levels => verdict = of_bank,
         _ => {
             let refused = without_levels(
                 verdict,

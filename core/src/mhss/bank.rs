@@ -669,6 +669,8 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         let Some(leaving) = self.remove(satellite, main, sub, secondaries) else {
             return false;
         };
+        // They had the satellite until now, with whatever was wrong with it; that of its own constellation never.
+        self.begin_constellations(satellite.system(), main, sub);
         self.leaving = Some(leaving);
         self.excluded.insert(satellite);
         self.readmitted.remove(satellite);
@@ -701,8 +703,6 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 own.clone_from(copy);
             }
         }
-        // They had the satellite until now, with whatever was wrong with it.
-        self.begin_constellations(main, sub);
         self.begin_secondaries(sub, secondaries);
         Some(leaving)
     }

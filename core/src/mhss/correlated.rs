@@ -195,6 +195,11 @@ impl CorrelatedBound {
         self.without_constellation = [None; MAX_CLOCKS];
     }
 
+    /// Whether the satellites of the epoch give a position by themselves.
+    pub const fn is_solved(&self) -> bool {
+        self.whole.is_some()
+    }
+
     /// A satellite takes a place: its filter begins as a copy of the main one.
     pub fn begin(&mut self, place: usize) {
         if let Some(sub) = self.sub.get_mut(place) {
@@ -230,20 +235,21 @@ impl CorrelatedBound {
             };
             match pair {
                 Some((own, between)) => {
-                    *sub = own.map(root);
+                    // What the filters it follows remember of a worse sky is not forgotten.
+                    *sub = maximum(own.map(root), maximum(*sub, base));
                     *separation = between;
                 }
                 None => {
-                    // What either of the two filters it follows had is held.
-                    *sub = maximum(*sub, base);
+                    *sub = sum(*sub, base);
                     *separation = sum(*sub, base);
                 }
             }
         }
         self.main = base;
-        // The filters without a constellation begin as copies of the main one.
-        self.constellation = [base; MAX_CLOCKS];
-        self.constellation_separation = [[0.0; 2]; MAX_CLOCKS];
+        // The filters without a constellation begin as copies of the main one, or stay.
+        for constellation in &mut self.constellation {
+            *constellation = maximum(*constellation, base);
+        }
         if let Some(row) = self.rows.get_mut(place) {
             *row = None;
         }
@@ -259,8 +265,8 @@ impl CorrelatedBound {
     /// Two satellites are excluded: the filter without both is the main one, and all others begin as copies of it.
     pub fn exclude_two(&mut self, one: usize, other: usize) {
         let base = match self.pair_variances(one, other) {
-            Some((own, _)) => own.map(root),
-            None => maximum(self.sigmas(one), self.sigmas(other)),
+            Some((own, _)) => maximum(own.map(root), maximum(self.sigmas(one), self.sigmas(other))),
+            None => sum(self.sigmas(one), self.sigmas(other)),
         };
         self.begin_all(base);
     }

@@ -38,11 +38,9 @@ const HOLD_NS: i64 = 120 * NS_PER_S;
 /// They are kept on as long as their threshold is above this, m: what the satellite may have left in the
 /// main filter unseen.
 const HOLD_WORTH_M: f64 = 0.5;
-/// Shortest time between two satellites that give up their places for better ones, ns: the filters of the
-/// pairs begin anew each time.
-const SWAP_INTERVAL_NS: i64 = 60 * NS_PER_S;
-/// After a fault of two satellites or a constellation all filters begin as copies of one, and are blind for
-/// what it holds; by then it has forgotten, ns.
+/// Filters that begin as copies are blind for what their originals hold; by then they have forgotten, ns of
+/// epochs with a position by the satellites alone. After a fault of two satellites or a constellation these are all
+/// filters, after an exclusion or an eviction those of the pairs.
 const BLIND_NS: i64 = 120 * NS_PER_S;
 /// An alert that nothing explains for this long ends tight mode, ns: a filter with a fault in it does not
 /// get rid of it by itself.
@@ -63,15 +61,19 @@ pub(super) struct RecordingBank {
     priors: FaultPriors,
     postfit: PostfitLimits,
     probation: Probation,
-    last_swap: Option<GpsTime>,
-    /// When the filters of the pairs last began as copies.
-    pairs_since: Option<GpsTime>,
-    blind_since: Option<GpsTime>,
-    alert_since: Option<GpsTime>,
+    last_epoch: Option<GpsTime>,
+    /// How long the filters of the pairs, which began as copies, still hold what their originals did, ns.
+    young_ns: i64,
+    /// The same of all filters, ns.
+    blind_ns: i64,
+    /// How long there has been an alert, ns.
+    alert_ns: i64,
     /// What an error common to the satellites of the epoch does to each, m.
     common_m: Vec<(Satellite, f64), MAX_SATELLITES>,
     /// Satellites of this epoch were kept from all filters as grossly wrong.
     withheld: bool,
+    /// Satellites that the snapshot found faulty at this epoch.
+    named: SatelliteSet,
     opinion: Option<BankOpinion>,
     cost: FilterCost,
 }
@@ -86,25 +88,99 @@ impl RecordingBank {
         priors: FaultPriors::PRESET,
         postfit: PostfitLimits::EMPTY,
         probation: Probation::EMPTY,
-        last_swap: None,
-        pairs_since: None,
-        blind_since: None,
-        alert_since: None,
+        last_epoch: None,
+        young_ns: 0,
+        blind_ns: 0,
+        alert_ns: 0,
         common_m: Vec::new(),
         withheld: false,
+        named: SatelliteSet::EMPTY,
         opinion: None,
         cost: FilterCost::UNKNOWN,
     };
 
     /// The filters begin anew.
     pub(super) fn start(&mut self) {
+        self.young_ns = 0;
+        self.blind_ns = 0;
+        self.last_epoch = None;
         self.correlated.start(CORRELATED_RATIO, [0.0; 2]);
         self.probation.clear();
-        self.last_swap = None;
-        self.pairs_since = None;
-        self.blind_since = None;
-        self.alert_since = None;
+        self.alert_ns = 0;
         self.opinion = None;
+    }
+
+    /// Time passes; filters forget only while the satellites give a position by themselves.
+    fn pass(&mut self, now: GpsTime) {
+        let last = self.last_epoch.replace(now);
+        let elapsed_ns = last.map_or(0, |last| now.ns().saturating_sub(last.ns()));
+        if self.correlated.is_solved() && elapsed_ns > 0 {
+            let less = |left_ns: i64| (left_ns - elapsed_ns).max(0);
+            self.young_ns = less(self.young_ns);
+            self.blind_ns = less(self.blind_ns);
+        }
+        if self.opinion.is_some_and(|opinion| opinion.is_alerted) {
+            self.alert_ns = self.alert_ns.saturating_add(elapsed_ns);
+        } else {
+            self.alert_ns = 0;
+        }
+    }
+
+    /// Leaves one satellite out. While the filters of the pairs are young, or have been dropped, all filters begin
+    /// as copies of the one without it.
+    fn exclude_one(
+        &mut self,
+        bank: &mut bank::Bank<CLOCKS, JOINT>,
+        satellite: Satellite,
+        main: &mut Filter<CLOCKS, JOINT>,
+        sub: &mut bank::SubFilters<CLOCKS, JOINT>,
+        secondaries: &mut bank::Secondaries<CLOCKS, JOINT>,
+    ) {
+        let Some(left) = bank.place(satellite) else {
+            return;
+        };
+        if self.young_ns > 0 || bank.pairs_are_dropped() {
+            bank.exclude_alone(satellite, main, sub, secondaries);
+            self.correlated.exclude_alone(left);
+            self.blind_ns = BLIND_NS;
+        } else {
+            bank.exclude(satellite, main, sub, secondaries);
+            self.correlated.exclude(left);
+        }
+        self.young_ns = BLIND_NS;
+    }
+
+    /// Leaves two satellites out: all filters begin as copies of the one without both. Where there is no such filter
+    /// to be had, one after the other.
+    fn exclude_two(
+        &mut self,
+        bank: &mut bank::Bank<CLOCKS, JOINT>,
+        satellites: [Satellite; 2],
+        main: &mut Filter<CLOCKS, JOINT>,
+        sub: &mut bank::SubFilters<CLOCKS, JOINT>,
+        secondaries: &mut bank::Secondaries<CLOCKS, JOINT>,
+    ) {
+        let [one, other] = satellites.map(|satellite| bank.place(satellite));
+        let (Some(one), Some(other)) = (one, other) else {
+            return;
+        };
+        if self.young_ns > 0 || bank.pairs_are_dropped() {
+            // The filter without both is a copy of one that had the other.
+            for satellite in satellites {
+                self.exclude_one(bank, satellite, main, sub, secondaries);
+            }
+            return;
+        }
+        bank.exclude_two(satellites, main, sub, secondaries);
+        self.correlated.exclude_two(one, other);
+        self.blind_ns = BLIND_NS;
+        self.young_ns = BLIND_NS;
+    }
+
+    /// All times so far were wrong by this much, ns.
+    pub(super) fn shift(&mut self, by_ns: i64) {
+        self.last_epoch = self.last_epoch.map(|last| last.plus_ns(by_ns));
+        self.probation.clear();
     }
 }
 
@@ -112,11 +188,6 @@ impl RecordingBank {
 fn of_satellite(common_m: &[(Satellite, f64)], satellite: Satellite) -> f64 {
     let found = common_m.iter().find(|(of, _)| *of == satellite);
     found.map_or(0.0, |(_, common_m)| *common_m)
-}
-
-/// Whether filters that began as copies still hold the same as each other.
-fn is_recent(since: Option<GpsTime>, now: GpsTime) -> bool {
-    since.is_some_and(|since| now.ns().saturating_sub(since.ns()) < BLIND_NS)
 }
 
 /// What an epoch of the bank is made of, besides the filters.
@@ -166,8 +237,8 @@ impl TightMonitor {
         self.recording.opinion.as_ref()
     }
 
-    /// An epoch of the receiver, with the bank. `withheld` are satellites that the snapshot excluded at this
-    /// epoch: they enter no filter.
+    /// An epoch of the receiver, with the bank. `named` are satellites that the snapshot excluded at this
+    /// epoch: they are excluded from all filters.
     ///
     /// `None` where the snapshot solution serves alone; [`TightMonitor::status`] says why.
     #[inline(never)]
@@ -175,7 +246,7 @@ impl TightMonitor {
         &mut self,
         time: GpsTime,
         workspace: &mut SnapshotWorkspace,
-        withheld: SatelliteSet,
+        named: SatelliteSet,
         tested: Option<&TestedSolution<'_>>,
         memory: BankMemory<'_>,
         meter: &mut Meter<'_, impl CycleCounter>,
@@ -188,7 +259,12 @@ impl TightMonitor {
         self.predict_bank(BankMemory { fast, secondaries }, meter);
         // A place that is no place for a receiver shows in the rows: there are none.
         if workspace
-            .corrected(at.r_e_m, at.v_e_mps, withheld, &mut self.corrected)
+            .corrected(
+                at.r_e_m,
+                at.v_e_mps,
+                SatelliteSet::EMPTY,
+                &mut self.corrected,
+            )
             .is_err()
         {
             self.corrected.rows.clear();
@@ -200,9 +276,41 @@ impl TightMonitor {
                 .for_each_filter(&mut fast.sub, secondaries, |filter| change.apply(filter));
         }
         self.make_rows(&at);
+        self.recording.named = named;
         self.recording.withheld = self.withhold_unexplainable();
         let is_tested = tested.is_some();
         self.finish_with_bank(&at, BankMemory { fast, secondaries }, is_tested, meter)
+    }
+
+    /// Satellites that the snapshot has named faulty are taken out of all filters, with what they did before.
+    fn exclude_named(
+        &mut self,
+        main: &mut Filter<CLOCKS, JOINT>,
+        sub: &mut bank::SubFilters<CLOCKS, JOINT>,
+        secondaries: &mut bank::Secondaries<CLOCKS, JOINT>,
+    ) {
+        let Self {
+            bank, recording, ..
+        } = self;
+        let mut members = recording.named.iter().filter(|named| bank.has(*named));
+        let (first, second) = (members.next(), members.next());
+        let mut others = SatelliteSet::EMPTY;
+        for named in members {
+            others.insert(named);
+        }
+        for named in recording.named.iter() {
+            bank.note_excluded(named);
+        }
+        match (first, second) {
+            (Some(one), Some(other)) => {
+                recording.exclude_two(bank, [one, other], main, sub, secondaries);
+            }
+            (Some(one), None) => recording.exclude_one(bank, one, main, sub, secondaries),
+            (None, _) => {}
+        }
+        for satellite in others.iter() {
+            recording.exclude_one(bank, satellite, main, sub, secondaries);
+        }
     }
 
     /// All filters of the bank come to the epoch; those of the pairs only when there is time for them.
@@ -223,6 +331,7 @@ impl TightMonitor {
         } else if bank.pairs_are_dropped() {
             bank.predict_sub(transition, &mut fast.sub);
             bank.begin_pairs(&fast.sub, secondaries);
+            recording.young_ns = BLIND_NS;
         } else {
             bank.predict(transition, &mut fast.sub, secondaries);
         }
@@ -236,9 +345,16 @@ impl TightMonitor {
             navigator,
             recording,
             rows,
+            bank,
             ..
         } = self;
+        let is_out = |satellite: Satellite| {
+            bank.excluded().contains(satellite) || recording.named.contains(satellite)
+        };
         let is_gross = |of: &BankRow<JOINT>| {
+            if is_out(of.satellite) {
+                return false;
+            }
             let common_m = of_satellite(&recording.common_m, of.satellite);
             let variance_m2 = predicted_variance(&of.row, navigator.filter())
                 + (1.0 + CORRELATED_RATIO) / of.row.weight
@@ -284,6 +400,7 @@ impl TightMonitor {
         self.predict_bank(BankMemory { fast, secondaries }, meter);
         self.rows.clear();
         self.recording.withheld = false;
+        self.recording.named = SatelliteSet::EMPTY;
         self.finish_with_bank(&at, BankMemory { fast, secondaries }, false, meter)
     }
 
@@ -349,22 +466,14 @@ impl TightMonitor {
             self.lose(InertialStatus::Unhealthy);
             return None;
         }
-        self.end_long_alert(at.time, is_tested);
+        self.recording.pass(at.time);
+        self.end_long_alert(is_tested);
         solution
     }
 
     /// An alert that nothing explains, while the snapshot passes its tests, ends tight mode after a while.
-    fn end_long_alert(&mut self, now: GpsTime, is_tested: bool) {
-        let is_alerted = self
-            .recording
-            .opinion
-            .is_some_and(|opinion| opinion.is_alerted);
-        if !is_alerted {
-            self.recording.alert_since = None;
-            return;
-        }
-        let since = *self.recording.alert_since.get_or_insert(now);
-        if is_tested && now.ns().saturating_sub(since.ns()) >= MAX_ALERT_NS {
+    fn end_long_alert(&mut self, is_tested: bool) {
+        if is_tested && self.recording.alert_ns >= MAX_ALERT_NS {
             // Its attitude is not what is wrong with it.
             let attitude = (self.navigator.mechanisation().q_e_b, self.navigator.time());
             self.lose(InertialStatus::Unhealthy);
@@ -386,6 +495,7 @@ impl TightMonitor {
         let BankMemory { fast, secondaries } = memory;
         let MonitorFastFilters { main, sub } = fast;
         self.navigator.lend(main);
+        self.exclude_named(main, sub, secondaries);
         self.give_places(&place, main, sub, secondaries);
         let Self {
             bank,
@@ -427,15 +537,13 @@ impl TightMonitor {
             rows,
             ..
         } = self;
-        let may_swap = recording
-            .last_swap
-            .is_none_or(|last| place.time.ns().saturating_sub(last.ns()) >= SWAP_INTERVAL_NS);
-        if let Some(leaving) = selection::select(bank, rows, place.time, may_swap)
+        // A filter of a pair that began as a copy holds what its original did: it can be no sub-filter yet.
+        let may_leave = recording.young_ns == 0;
+        if let Some(leaving) = selection::select(bank, rows, place.time, may_leave)
             && let Some(left) = bank.evict(leaving, main, sub, secondaries)
         {
             recording.correlated.exclude(left);
-            recording.last_swap = Some(place.time);
-            recording.pairs_since = Some(place.time);
+            recording.young_ns = BLIND_NS;
         }
         bank.hold_on(place.time, HOLD_NS, HOLD_WORTH_M);
         bank.admit(
@@ -481,9 +589,14 @@ impl TightMonitor {
             vertical: true,
             c_enu_e: &place.c_enu_e,
         };
-        let correlated = &mut recording.correlated;
-        let mut verdict = bank.assess(&criterion, correlated, main, sub, secondaries);
-        let is_young = is_recent(recording.pairs_since, place.time);
+        let mut verdict = bank.assess(
+            &criterion,
+            &mut recording.correlated,
+            main,
+            sub,
+            secondaries,
+        );
+        let is_young = recording.young_ns > 0;
         let explanation = verdict.isolated.map(Explanation::One).or_else(|| {
             let explains = verdict.detected;
             let explanation =
@@ -493,42 +606,22 @@ impl TightMonitor {
             is_known.then_some(explanation)
         });
         let mut still_fails = verdict.detected;
-        let excluded = match explanation {
-            None => false,
+        match explanation {
+            None => {}
             Some(Explanation::One(satellite)) => {
-                let left = bank.place(satellite);
-                if is_young {
-                    let excluded = bank.exclude_alone(satellite, main, sub, secondaries);
-                    if let Some(left) = left {
-                        correlated.exclude_alone(left);
-                    }
-                    recording.blind_since = Some(place.time);
-                    excluded
-                } else {
-                    let excluded = bank.exclude(satellite, main, sub, secondaries);
-                    if let Some(left) = left {
-                        correlated.exclude(left);
-                    }
-                    excluded
-                }
+                recording.exclude_one(bank, satellite, main, sub, secondaries);
             }
             Some(Explanation::Two(satellites)) => {
-                let [one, other] = satellites.map(|satellite| bank.place(satellite));
-                let excluded = bank.exclude_two(satellites, main, sub, secondaries);
-                if let (Some(one), Some(other)) = (one, other) {
-                    correlated.exclude_two(one, other);
-                }
-                recording.blind_since = Some(place.time);
-                excluded
+                recording.exclude_two(bank, satellites, main, sub, secondaries);
             }
             Some(Explanation::Constellation(system)) => {
-                let excluded = bank.exclude_constellation(system, main, sub, secondaries);
-                correlated.exclude_constellation(system.index());
-                recording.blind_since = Some(place.time);
-                excluded
+                bank.exclude_constellation(system, main, sub, secondaries);
+                recording.correlated.exclude_constellation(system.index());
+                recording.blind_ns = BLIND_NS;
+                recording.young_ns = BLIND_NS;
             }
-        };
-        if excluded {
+        }
+        if explanation.is_some() {
             // What is left is tested as it is now; its levels are those after the exclusion.
             solve_correlated(bank, recording, &place.c_enu_e);
             let after = bank.assess(
@@ -545,15 +638,11 @@ impl TightMonitor {
                 ..after
             };
         }
-        if explanation.is_some() {
-            recording.pairs_since = Some(place.time);
-        }
-        let is_blind = is_recent(recording.blind_since, place.time);
+        let is_blind = recording.blind_ns > 0;
         let is_alerted = still_fails || recording.withheld;
         let levels_m = if is_alerted || is_blind {
             [None; 2]
         } else {
-            recording.blind_since = None;
             protection::levels(
                 &recording.form,
                 verdict.sigma_m,
@@ -577,15 +666,23 @@ impl TightMonitor {
             rows,
             ..
         } = self;
+        let is_believed =
+            recording.blind_ns == 0 && recording.opinion.is_some_and(|opinion| !opinion.is_alerted);
         let mut proved = SatelliteSet::EMPTY;
         for BankRow { satellite, row } in rows.iter() {
             if !bank.excluded().contains(*satellite) {
                 continue;
             }
             let common_m = of_satellite(&recording.common_m, *satellite);
-            let variance_m2 = predicted_variance(row, main)
-                + (1.0 + CORRELATED_RATIO) / row.weight
-                + common_m * common_m;
+            let own_m2 = (1.0 + CORRELATED_RATIO) / row.weight + common_m * common_m;
+            let predicted_m2 = predicted_variance(row, main);
+            // Nothing is proved against a filter that does not know, or that is not to be believed.
+            let is_proof = predicted_m2 <= own_m2 && is_believed;
+            let variance_m2 = if is_proof {
+                predicted_m2 + own_m2
+            } else {
+                f64::NAN
+            };
             let residual_m = bank::residual(row, main);
             if recording
                 .probation

@@ -45,10 +45,16 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         begun
     }
 
-    /// The filters without a constellation begin anew as copies of the main one.
-    pub(super) fn begin_constellations(&self, main: &Filter<K, M>, sub: &mut SubFilters<K, M>) {
-        for (own, place) in sub.constellations.iter_mut().zip(&self.constellations) {
-            if place.is_some() {
+    /// The filters without a constellation other than this one begin anew as copies of the main one.
+    pub(super) fn begin_constellations(
+        &self,
+        but: System,
+        main: &Filter<K, M>,
+        sub: &mut SubFilters<K, M>,
+    ) {
+        let places = System::ALL.into_iter().zip(&self.constellations);
+        for (own, (system, place)) in sub.constellations.iter_mut().zip(places) {
+            if place.is_some() && system != but {
                 own.clone_from(main);
             }
         }

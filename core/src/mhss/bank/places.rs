@@ -81,13 +81,38 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         Some(member.place)
     }
 
+    /// A satellite without a place was found faulty by somebody else.
+    pub fn note_excluded(&mut self, satellite: Satellite) {
+        if !self.has(satellite) {
+            self.excluded.insert(satellite);
+            self.readmitted.remove(satellite);
+        }
+    }
+
+    /// All filters begin anew: who was excluded stays so, who was taken back is remembered.
+    pub fn restart(&mut self) {
+        let (excluded, readmitted) = (self.excluded, self.readmitted);
+        self.clear();
+        self.excluded = excluded;
+        self.readmitted = readmitted;
+    }
+
+    /// All times so far were wrong by this much, ns.
+    pub fn shift(&mut self, by_ns: i64) {
+        for member in &mut self.members {
+            member.missing_since = member.missing_since.map(|since| since.plus_ns(by_ns));
+        }
+    }
+
     /// Keeps satellites that are missing as long as what they left in the main filter can be seen: as long as
-    /// a horizontal threshold is above `worth_m`.
+    /// a threshold is above `worth_m`.
     pub fn hold_on(&mut self, now: GpsTime, hold_ns: i64, worth_m: f64) {
         for member in &mut self.members {
-            let [threshold_m, _] = member.separation.threshold_m;
+            let is_worth = |threshold_m: &f64| !(*threshold_m <= worth_m);
             let ends = |since: GpsTime| now.ns().saturating_sub(since.ns()) >= hold_ns;
-            if member.missing_since.is_some_and(ends) && !(threshold_m <= worth_m) {
+            if member.missing_since.is_some_and(ends)
+                && member.separation.threshold_m.iter().any(is_worth)
+            {
                 member.missing_since = Some(now);
             }
         }
@@ -131,8 +156,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             return false;
         };
         main.clone_from(filter);
-        self.members
-            .retain(|member| !satellites.contains(&member.satellite));
+        self.retain(|satellite| !satellites.contains(&satellite));
         for satellite in satellites {
             self.excluded.insert(satellite);
             self.readmitted.remove(satellite);
@@ -164,20 +188,30 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 self.readmitted.remove(member.satellite);
             }
         }
-        self.members
-            .retain(|member| member.satellite.system() != system);
+        self.retain(|satellite| satellite.system() != system);
         self.begin_all(main, sub, secondaries);
         true
     }
 
-    /// All filters begin as copies of the main one. Rows of this epoch are forgotten.
+    /// Keeps these satellites, each with its row.
+    fn retain(&mut self, keep: impl Fn(Satellite) -> bool) {
+        let mut rows = [None; MAX_BANK];
+        let members = self.members.iter().zip(&self.rows);
+        let kept = members.filter(|(member, _)| keep(member.satellite));
+        for (place, (_, row)) in rows.iter_mut().zip(kept) {
+            *place = *row;
+        }
+        self.rows = rows;
+        self.members.retain(|member| keep(member.satellite));
+    }
+
+    /// All filters begin as copies of the main one.
     fn begin_all(
         &mut self,
         main: &Filter<K, M>,
         sub: &mut SubFilters<K, M>,
         secondaries: &mut Secondaries<K, M>,
     ) {
-        self.rows = [None; MAX_BANK];
         for member in &self.members {
             if let Some(own) = sub.filters.get_mut(member.place) {
                 own.clone_from(main);
@@ -205,6 +239,30 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.readmitted
     }
 
+    fn prior(&self, satellite: Satellite, priors: &FaultPriors) -> f64 {
+        if self.readmitted.contains(satellite) {
+            priors.readmitted
+        } else {
+            priors.satellite
+        }
+    }
+
+    /// Prior of a constellation: with satellites that were taken back that of such a satellite at least, for
+    /// they may have been excluded with it.
+    fn constellation_prior(&self, system: System, priors: &FaultPriors) -> f64 {
+        let own = priors.constellation.get(system.index()).copied();
+        let own = own.unwrap_or(1.0);
+        let was_excluded = self
+            .readmitted
+            .iter()
+            .any(|satellite| satellite.system() == system);
+        if was_excluded && priors.readmitted > own {
+            priors.readmitted
+        } else {
+            own
+        }
+    }
+
     /// The hypotheses that have a filter, with their prior probabilities.
     pub fn hypotheses<'a>(
         &'a self,
@@ -212,29 +270,44 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     ) -> impl Iterator<Item = Hypothesis<'a>> {
         let satellites = self.members.iter().map(|member| Hypothesis {
             separation: &member.separation,
-            probability: if self.readmitted.contains(member.satellite) {
-                priors.readmitted
-            } else {
-                priors.satellite
-            },
+            probability: self.prior(member.satellite, priors),
         });
-        let constellations = self.constellations.iter().zip(&priors.constellation);
-        satellites.chain(constellations.filter_map(|(separation, probability)| {
-            Some(Hypothesis {
-                separation: separation.as_ref()?,
-                probability: *probability,
-            })
+        let constellations = self.constellation_separations();
+        satellites.chain(constellations.map(|(system, separation)| Hypothesis {
+            separation,
+            probability: self.constellation_prior(system, priors),
         }))
     }
 
-    /// Probability of the faults that no filter stands for: two satellites at once, GPS as a whole where it
-    /// is alone. That another constellation is faulty as a whole cannot be told where it is alone, and is not
-    /// reckoned with there, as receiver-autonomous monitoring does not.
+    /// Probability of the faults that no filter stands for: two satellites at once, a constellation and a
+    /// satellite of another, two constellations, GPS as a whole where it is alone. That another constellation is
+    /// faulty as a whole cannot be told where it is alone, and is not reckoned with there, as
+    /// receiver-autonomous monitoring does not.
     pub fn p_unmonitored(&self, priors: &FaultPriors) -> f64 {
+        // Σ_{i<j} p_i p_j by running sums.
+        let (mut sum, mut pairs) = (0.0, 0.0);
+        for member in &self.members {
+            let prior = self.prior(member.satellite, priors);
+            pairs += prior * sum;
+            sum += prior;
+        }
+        let mut of_systems = 0.0;
+        for (system, _) in self.constellation_separations() {
+            let prior = self.constellation_prior(system, priors);
+            let others = self
+                .members
+                .iter()
+                .filter(|member| member.satellite.system() != system);
+            let of_others: f64 = others
+                .map(|member| self.prior(member.satellite, priors))
+                .sum();
+            pairs += prior * (of_others + of_systems);
+            of_systems += prior;
+        }
         let gps = System::Gps.index();
         let gps_is_alone = self.constellations.get(gps).is_none_or(Option::is_none);
         let of_gps = priors.constellation.get(gps).copied().unwrap_or(0.0);
-        priors.pairs(self.members.len()) + if gps_is_alone { of_gps } else { 0.0 }
+        pairs + if gps_is_alone { of_gps } else { 0.0 }
     }
 
     /// Notes how uncertain every filter that is tested is before the update. After [`Bank::admit`].

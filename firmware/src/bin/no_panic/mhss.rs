@@ -171,6 +171,9 @@ fn places(
         call2(Bank::has, bank, satellite);
         call2(Bank::place, bank, satellite);
         call2(Bank::readmit, bank, satellite);
+        call2(Bank::note_excluded, bank, satellite);
+        call1(Bank::restart, bank);
+        call2(Bank::shift, bank, 0);
         black_box(Bank::evict(bank, satellite, main, sub, secondaries));
         black_box(Bank::exclude_alone(bank, satellite, main, sub, secondaries));
         black_box(Bank::exclude_two(
@@ -203,6 +206,7 @@ fn places(
 fn correlated(c_enu_e: &Matrix3<f64>) {
     let mut bound = CorrelatedBound::NONE;
     call3(CorrelatedBound::start, &mut bound, 1.0, [0.0; 2]);
+    call1(CorrelatedBound::is_solved, &bound);
     call2(CorrelatedBound::begin, &mut bound, 0);
     call2(CorrelatedBound::begin_constellation, &mut bound, 0);
     let rows = [CorrelatedRow::<JOINT> {
@@ -233,7 +237,6 @@ fn correlated(c_enu_e: &Matrix3<f64>) {
 
 fn levels() {
     call4(BankAllocation::new, 3600.0, 1e-7, 1e-5, true);
-    call2(FaultPriors::pairs, &FaultPriors::PRESET, 24);
     for form in [
         LevelForm::Fixed { k_fault_free: 5.0 },
         LevelForm::Budget(RiskBudget {
