@@ -716,9 +716,10 @@ fn a_satellite_that_the_snapshot_excludes_does_not_enter_the_filter() {
         }
         assert!(is_usable(row));
     }
+    // It was taken out of all filters, with what it did before; 100 m of one satellite would be metres.
     let without = flight_with(|input| Some(keeping(input, span, |of| of != satellite)));
     for (row, other) in rows.iter().zip(&without) {
-        assert!(distance_m(row, other) < 1e-6, "{}", row.ms);
+        assert!(distance_m(row, other) < 0.2, "{}", row.ms);
     }
 }
 
