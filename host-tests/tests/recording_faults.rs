@@ -78,6 +78,28 @@ fn four_hours_at_esbjerg_with_a_unit_at_rest() {
     }
 }
 
+/// INT-050. Satellites rise and set, and what they have left in the filters outlasts them.
+#[test]
+fn a_day_at_esbjerg_with_a_unit_at_rest() {
+    let Some(data) = data(&["esbc-2020-177"]) else {
+        return;
+    };
+    let (examples, work) = (examples(), work("day"));
+    let folders = Folders {
+        data: &data,
+        examples: &examples,
+        work: &work,
+    };
+    let subject = recording_faults::esbc_day(&folders, 1).unwrap();
+    let runs = recording_faults::study(&subject, "GC", 0, 1, None).unwrap();
+    // Hundreds of megabytes of samples.
+    std::fs::remove_dir_all(&work).unwrap();
+    println!("{}", recording_faults::table(&runs));
+    let [day] = &runs[..] else { panic!("{runs:?}") };
+    assert_eq!((day.epochs, day.usable, day.with_bank), (2880, 2880, 2878));
+    assert_eq!((day.alerts, day.wrong, day.above_level), (0, 0, 0));
+}
+
 /// INT-050.
 #[test]
 fn a_walk_among_obstructions() {

@@ -66,12 +66,14 @@ fn lint(workspace: &Workspace, stages: &mut Stages) {
             ],
         )
     });
-    for board in images::BOARDS {
-        stages.run(&format!("clippy: {}", board.name), || {
+    let boards = images::BOARDS.map(|board| (board.name, board.features));
+    let real_time = ("real time", &["--features", "real-time"][..]);
+    for (name, features) in boards.into_iter().chain([real_time]) {
+        stages.run(&format!("clippy: {name}"), || {
             let mut call = command(workspace, "cargo");
             call.args(["clippy", "--locked", "--target", TARGET])
                 .args(["--package", "surefix-core", "--package", "surefix-firmware"])
-                .args(board.features)
+                .args(features)
                 .args(["--", "-D", "warnings"]);
             checked(&mut call)
         });

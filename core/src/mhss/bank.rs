@@ -449,12 +449,16 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 own.add_row(row);
             }
         }
-        information.clear();
-        for (at, place) in self.after.iter_mut().enumerate().take(n + 1).rev() {
-            if let Some(own) = self.own.get(at).filter(|_| at < n) {
-                information.add(own);
+        if let Some(none) = self.after.get_mut(n) {
+            none.clear();
+        }
+        for (at, own) in self.own.iter().enumerate().take(n).rev() {
+            if let Some([place, next, ..]) = self.after.get_mut(at..) {
+                place.set_sum(next, own);
             }
-            place.clone_from(information);
+        }
+        if let Some(all) = self.after.first() {
+            information.clone_from(all);
         }
     }
 

@@ -84,10 +84,10 @@ pub fn select<const K: usize, const M: usize>(
         return None;
     }
     // It waits behind all others from now on.
-    if let Some(at) = rows.iter().position(|row| row.satellite == satellite)
-        && let Some(rest) = rows.get_mut(at..)
-    {
-        rest.rotate_left(1);
+    if let Some(from) = rows.iter().position(|row| row.satellite == satellite) {
+        for at in from + 1..rows.len() {
+            rows.swap_checked(at);
+        }
     }
     Some(satellite)
 }

@@ -25,7 +25,7 @@ use crate::stats::{StatsError, normal};
 /// measurements, and there is nothing to test.
 const MIN_VARIANCE_M2: f64 = 1.0e-10;
 
-/// Rounding of a square and a limit against each other, with a wide margin.
+/// Rounding of a square and of what it is compared with, with a wide margin.
 const SURE: f64 = 1e-9;
 
 /// Distance of two positions and one sigma of it, horizontally along the direction in which it is
@@ -125,8 +125,8 @@ fn variances(p_e: &Matrix3<f64>, c_enu_e: &Matrix3<f64>) -> [f64; 2] {
 }
 
 /// Whether a separation, with the variance `extra` on top, is below `quantile` sigmas on both axes by more than
-/// rounding. Found without a root, from the larger horizontal variance in place of the largest of all
-/// directions; false where that does not decide it.
+/// rounding. Found without a root and from the vertical direction alone: the largest horizontal variance is at
+/// least the mean of both. False where that does not decide it.
 pub(super) fn is_surely_quiet<const K: usize, const M: usize>(
     more: &Filter<K, M>,
     less: &Filter<K, M>,
@@ -134,19 +134,24 @@ pub(super) fn is_surely_quiet<const K: usize, const M: usize>(
     extra: Variances,
     quantile: f64,
 ) -> bool {
-    let way = c_enu_e * between(more, less);
-    let difference = position_covariance(less) - position_covariance(more);
-    let [ee, _, nn, uu] = turned(&difference, c_enu_e);
-    let horizontal = if ee > nn { ee } else { nn };
+    let [way_x, way_y, way_z] = between(more, less).into();
+    let (x, y, z) = (c_enu_e.m31, c_enu_e.m32, c_enu_e.m33);
+    let up = x * way_x + y * way_y + z * way_z;
+    let whole = way_x * way_x + way_y * way_y + way_z * way_z;
+    let mut difference = less.block(POSITION);
+    for (entry, of_more) in difference.iter_mut().zip(more.block(POSITION)) {
+        *entry -= of_more;
+    }
+    let [xx, xy, xz, yy, yz, zz] = difference;
+    let vertical =
+        x * (x * xx + 2.0 * (y * xy + z * xz)) + y * (y * yy + 2.0 * z * yz) + z * z * zz;
+    let horizontal = 0.5 * (xx + yy + zz - vertical);
     let [extra_h, extra_v] = extra;
-    let squares = [
-        (way.x * way.x + way.y * way.y, horizontal, extra_h),
-        (way.z * way.z, uu, extra_v),
-    ];
-    squares.into_iter().all(|(square, variance, extra)| {
+    let is_below = |square: f64, variance: f64, extra: f64| {
         let limit = quantile * quantile * (variance + extra);
-        variance > MIN_VARIANCE_M2 && limit.is_finite() && square <= limit * (1.0 - SURE)
-    })
+        variance > MIN_VARIANCE_M2 && limit.is_finite() && square + SURE * whole <= limit
+    };
+    is_below(whole - up * up, horizontal, extra_h) && is_below(up * up, vertical, extra_v)
 }
 
 /// From the position of `less` to that of `more`.
@@ -327,13 +332,13 @@ mod tests {
             assert!(!surely || !separation.is_failed(true));
             surely
         };
+        // Two sigmas are √10 or more horizontally and 6 vertically.
         let block = [4.0, 1.0, 0.0, 1.0, 0.0, 9.0];
-        assert!(quiet([3.0, 2.0, 5.9], block, [0.0; 2]));
-        assert!(!quiet([3.0, 2.9, 5.9], block, [0.0; 2]));
-        assert!(quiet([3.0, 2.9, 5.9], block, [1.0, 0.0]));
-        assert!(!quiet([3.0, 2.0, 6.0], block, [0.0; 2]));
-        // The largest direction would let it pass: not decided.
-        assert!(!quiet([3.9, 1.1, 0.0], block, [0.0; 2]));
+        assert!(quiet([3.0, 0.9, 5.9], block, [0.0; 2]));
+        assert!(!quiet([3.0, 1.1, 5.9], block, [0.0; 2]));
+        assert!(quiet([3.0, 1.1, 5.9], block, [1.0, 0.0]));
+        assert!(!quiet([3.0, 0.9, 6.1], block, [0.0; 2]));
+        assert!(quiet([3.0, 0.9, 6.1], block, [0.0, 1.0]));
         assert!(!quiet([0.0; 3], [0.0; 6], [1.0; 2]));
         for bad in [f64::NAN, f64::INFINITY] {
             assert!(!quiet([bad, 0.0, 0.0], block, [0.0; 2]));

@@ -124,8 +124,20 @@ pub struct Folders<'a> {
 /// # Errors
 /// When the recording is absent or unusable.
 pub fn esbc(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+    at_esbjerg(folders, seed, "ESBC_2020177_0000-0400.rnx")
+}
+
+/// The whole day.
+///
+/// # Errors
+/// When the recording is absent or unusable.
+pub fn esbc_day(folders: &Folders<'_>, seed: u64) -> Result<Subject> {
+    at_esbjerg(folders, seed, "ESBC00DNK_R_20201770000_01D_30S_MO.crx.gz")
+}
+
+fn at_esbjerg(folders: &Folders<'_>, seed: u64, file: &str) -> Result<Subject> {
     let data = folders.data.join("esbc-2020-177");
-    let mut options = ReplayOptions::new(data.join("ESBC_2020177_0000-0400.rnx"));
+    let mut options = ReplayOptions::new(data.join(file));
     options.nav = vec![data.join("ESBC00DNK_R_20201770000_01D_MN.rnx.gz")];
     let (start, end, station) = static_imu::span(&options.gnss, &options.nav, &options.config)?;
     let r_e_m = station.context("the recording does not state its position")?;

@@ -65,9 +65,8 @@ impl Sky {
             &mut fixture.information,
         );
         fixture.bank.monitor_constellations(&fixture.main, sub);
-        fixture
-            .main
-            .update(&fixture.information, &mut UpdateWorkspace::EMPTY);
+        let mut workspace = UpdateWorkspace::EMPTY;
+        fixture.main.update(&fixture.information, &mut workspace);
         fixture.bank.update_constellations(sub);
         fixture.bank.update(sub, secondaries);
         let mut limits = PostfitLimits::EMPTY;

@@ -226,7 +226,7 @@ impl Peers {
     #[inline(never)]
     fn compute_gain(&mut self) {
         let (h, p) = (&self.expression_design, &self.expression_covariance);
-        self.expression_gain = p * h.transpose() * &self.expression_inverse;
+        self.expression_gain = p * h.transpose() * self.expression_inverse;
     }
 
     #[inline(never)]

@@ -172,6 +172,7 @@ fn places(
         call2(Bank::place, bank, satellite);
         call2(Bank::readmit, bank, satellite);
         black_box(Bank::evict(bank, satellite, main, sub, secondaries));
+        black_box(Bank::exclude_alone(bank, satellite, main, sub, secondaries));
         black_box(Bank::exclude_two(
             bank,
             [satellite; 2],
@@ -225,6 +226,7 @@ fn correlated(c_enu_e: &Matrix3<f64>) {
     call3(ExtraNoise::pair, &bound, 0, 1);
     call2(ExtraNoise::main, &mut WhiteNoise, &own);
     call2(CorrelatedBound::exclude, &mut bound, 0);
+    call2(CorrelatedBound::exclude_alone, &mut bound, 0);
     call3(CorrelatedBound::exclude_two, &mut bound, 0, 1);
     call2(CorrelatedBound::exclude_constellation, &mut bound, 0);
 }
