@@ -83,7 +83,8 @@ fn place(random: &mut ChaCha8Rng) -> Place {
         let always = flown.always_seen();
         let satellites = sky::spread(&flown.epochs[ONSET_S], &always, SATELLITES);
         let of = |system| satellites.iter().filter(|s| s.system() == system).count();
-        if of(System::Gps) >= 5 && of(System::Bds) >= 5 {
+        let is_full = satellites.len() == SATELLITES;
+        if is_full && of(System::Gps) >= 5 && of(System::Bds) >= 5 {
             return Place { flown, satellites };
         }
     }

@@ -163,9 +163,9 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
     );
     for tick in x.ticks() {
         let at = x.at(tick);
-        let _ = write!(
+        let _ = writeln!(
             svg,
-            "<path class=\"grid\" d=\"M{at:.1} {:.1}V{:.1}\"/><text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{:.1}\">{}</text>\n",
+            "<path class=\"grid\" d=\"M{at:.1} {:.1}V{:.1}\"/><text class=\"tick\" text-anchor=\"middle\" x=\"{at:.1}\" y=\"{:.1}\">{}</text>",
             y.from,
             y.to,
             y.from + 13.0,
@@ -174,9 +174,9 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
     }
     for tick in y.ticks() {
         let at = y.at(tick);
-        let _ = write!(
+        let _ = writeln!(
             svg,
-            "<path class=\"grid\" d=\"M{:.1} {at:.1}H{:.1}\"/><text class=\"tick\" text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
+            "<path class=\"grid\" d=\"M{:.1} {at:.1}H{:.1}\"/><text class=\"tick\" text-anchor=\"end\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
             x.from,
             x.to,
             x.from - 5.0,
@@ -186,9 +186,9 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
     }
     for (value, name) in &panel.marks {
         let at = x.at(*value);
-        let _ = write!(
+        let _ = writeln!(
             svg,
-            "<path class=\"mark\" d=\"M{at:.1} {:.1}V{:.1}\"/><text class=\"tick\" text-anchor=\"middle\" transform=\"translate({:.1} {:.1}) rotate(-90)\">{}</text>\n",
+            "<path class=\"mark\" d=\"M{at:.1} {:.1}V{:.1}\"/><text class=\"tick\" text-anchor=\"middle\" transform=\"translate({:.1} {:.1}) rotate(-90)\">{}</text>",
             y.from,
             y.to,
             at - 3.0,
@@ -215,11 +215,11 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
         };
         let colour = curve.colour;
         let legend_y = top + MARGIN[2] + 10.0 + LEGEND_STEP * number as f64;
-        let _ = write!(
+        let _ = writeln!(
             svg,
             "<path class=\"curve\" stroke=\"{colour}\"{dash} d=\"{path}\"/>\
              <path class=\"curve\" stroke=\"{colour}\"{dash} d=\"M{:.1} {legend_y:.1}h18\"/>\
-             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\">{}</text>\n",
+             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
             x.from + 6.0,
             x.from + 28.0,
             legend_y + 3.5,
