@@ -150,7 +150,7 @@ pub fn write<C: Campaign>(outcome: &Outcome<C::Record>, out: &Path) -> Result<()
 /// Reads results of shards, adds them and writes the whole.
 ///
 /// # Errors
-/// As [`merge`] and [`write`], or when a file is no result of this campaign.
+/// As [`merge`] and [`write()`], or when a file is no result of this campaign.
 pub fn merge_files<C: Campaign>(files: &[PathBuf], out: &Path) -> Result<()> {
     let results: Result<Vec<Outcome<C::Record>>> = files
         .iter()
