@@ -287,15 +287,6 @@ impl<const K: usize, const M: usize> Filter<K, M> {
         self.state.clock[clock] = 0.0;
     }
 
-    /// Adds to the covariance of a block of states, as for time without samples.
-    pub fn widen_block(&mut self, block: usize, by: &Symmetric) {
-        if let Some(diagonal) = self.covariance.diagonal.get_mut(block) {
-            for (entry, by) in diagonal.iter_mut().zip(by) {
-                *entry += by;
-            }
-        }
-    }
-
     /// Whether all is finite, no variance is negative and no correlation within a block of states is
     /// beyond one.
     ///

@@ -27,14 +27,14 @@ const PATIENCE_NS: i64 = 60 * NS_PER_S;
 const NO_GAIN_M2: f64 = 1.0e-12;
 
 /// Puts rows without a place into the order of their value, behind those with one, and names the
-/// satellite that has to leave for the first of them: the one missing longest, or, where `may_swap`, the one
-/// worth least by far.
+/// satellite that has to leave for the first of them: the one missing longest, or the one worth
+/// least by far; nobody unless `may_leave`.
 #[inline(never)]
 pub fn select<const K: usize, const M: usize>(
     bank: &Bank<K, M>,
     rows: &mut Vec<BankRow<M>, MAX_SATELLITES>,
     now: GpsTime,
-    may_swap: bool,
+    may_leave: bool,
 ) -> Option<Satellite> {
     let is_waiting =
         |row: &BankRow<M>| !bank.has(row.satellite) && !bank.excluded().contains(row.satellite);
@@ -55,7 +55,7 @@ pub fn select<const K: usize, const M: usize>(
         }
         from += 1;
     }
-    if bank.len() < MAX_BANK {
+    if bank.len() < MAX_BANK || !may_leave {
         return None;
     }
     if let Some((held, since)) = bank.missing_longest()
@@ -80,7 +80,7 @@ pub fn select<const K: usize, const M: usize>(
     }
     let (_, best) = of_members(false).next()?;
     let (satellite, least) = worst?;
-    if !(may_swap && *best > SWAP_FACTOR * least) {
+    if !(*best > SWAP_FACTOR * least) {
         return None;
     }
     // It waits behind all others from now on.

@@ -164,8 +164,9 @@ impl RecordingBank {
         let (Some(one), Some(other)) = (one, other) else {
             return;
         };
-        if self.young_ns > 0 || bank.pairs_are_dropped() {
-            // The filter without both is a copy of one that had the other.
+        // Where the filters of the pairs are young the one without both has had the other until it began as a copy, and
+        // not since: no filter knows less of it.
+        if bank.pairs_are_dropped() {
             for satellite in satellites {
                 self.exclude_one(bank, satellite, main, sub, secondaries);
             }

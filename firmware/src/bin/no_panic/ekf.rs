@@ -106,7 +106,6 @@ fn filter<const K: usize, const M: usize>(measurement: &CorrectedMeasurement) {
     call1(Filter::clock_covariance, &filter);
     call3(Filter::widen_clock, &mut filter, 0, 0.0);
     call3(Filter::reset_clock, &mut filter, 0, 0.0);
-    call3(Filter::widen_block, &mut filter, 0, &[0.0; 6]);
     call1(Filter::check, &filter);
 }
 
