@@ -3,6 +3,7 @@
 use crate::call::{call1, call2, call3, call4};
 use core::hint::black_box;
 use surefix_core::wire::bits::{BitCursor, Bits};
+use surefix_core::wire::broadcast::{Collector, Subframe};
 use surefix_core::wire::crc;
 use surefix_core::wire::native::{self, Frame, Kind, Reader, Writer};
 use surefix_core::wire::rtcm3::{
@@ -18,6 +19,7 @@ pub fn all() {
     bits(bytes);
     native_frame(bytes);
     rtcm3(bytes);
+    broadcast(bytes);
     scanner(bytes);
 }
 
@@ -41,6 +43,18 @@ fn rtcm3(bytes: &[u8]) {
             });
         }
     }
+}
+
+fn broadcast(bytes: &[u8]) {
+    let mut collector = Collector::EMPTY;
+    let subframe = Subframe {
+        gnss_id: black_box(0),
+        sv_id: black_box(1),
+        sig_id: black_box(0),
+        words: bytes,
+    };
+    call2(Collector::take, &mut collector, &subframe);
+    call1(Collector::clear, &mut collector);
 }
 
 fn scanner(bytes: &[u8]) {
