@@ -64,6 +64,12 @@ fn recorded(path: &Path) -> Vec<Recorded> {
     out
 }
 
+/// What becomes of a subframe that nothing was heard before.
+fn alone(one: &Recorded) -> Result<Collected, SubframeError> {
+    let mut collector = Collector::EMPTY;
+    collector.take(&one.subframe())
+}
+
 /// What a collector makes of a recording.
 #[derive(Default)]
 struct Heard {
@@ -479,10 +485,7 @@ fn damage_gives_no_other_ephemeris() {
         for _ in 0..20 {
             let mut damaged = recording.clone();
             for one in &mut damaged {
-                let is_read = !matches!(
-                    Collector::EMPTY.take(&one.subframe()),
-                    Err(SubframeError::Unsupported)
-                );
+                let is_read = !matches!(alone(one), Err(SubframeError::Unsupported));
                 if !is_read || !random.next_u32().is_multiple_of(20) {
                     continue;
                 }
@@ -497,7 +500,7 @@ fn damage_gives_no_other_ephemeris() {
                         one.words[word + bit / 8] ^= 1 << (bit % 8);
                     }
                 }
-                let taken = Collector::EMPTY.take(&one.subframe());
+                let taken = alone(one);
                 if one.words != before {
                     let [n_damaged, n_taken] = counts.entry(one.gnss_id).or_default();
                     *n_damaged += 1;
