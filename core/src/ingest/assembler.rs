@@ -210,7 +210,10 @@ impl Assembler {
     fn follows(&mut self, observer: Observer, time: GpsTime, counters: &mut Counters) -> bool {
         if let Some((followed, last)) = self.observer
             && followed != observer
-            && GpsTime::nearest(time.tow_ns(), last).ns().abs_diff(last.ns()) <= SOURCE_SILENT_NS
+            && GpsTime::nearest(time.tow_ns(), last)
+                .ns()
+                .abs_diff(last.ns())
+                <= SOURCE_SILENT_NS
         {
             count(&mut counters.observations_of_another_source);
             return false;

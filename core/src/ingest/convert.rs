@@ -5,9 +5,9 @@ use super::week::WeekResolver;
 use crate::consts::SPEED_OF_LIGHT_MPS;
 use crate::gnss::{Ephemeris, NavMessage, Satellite, Signal, SignalObservation, System};
 use crate::time::{GpsTime, NS_PER_S};
-use crate::wire::ubx::{Measurement, Rawx};
 use crate::wire::rtcm3::signals::rinex_name;
 use crate::wire::rtcm3::{BroadcastEphemeris, Cell, Constellation, Source};
+use crate::wire::ubx::{Measurement, Rawx};
 
 /// π of the interface documents, which angles in semicircles are to be multiplied with.
 /// [IS-GPS-200] 20.3.3.4.3.3, [GAL-OS-SIS-ICD] 5.1.1, [BDS-SIS-ICD-B1I] 5.2.4.
@@ -139,7 +139,9 @@ pub(super) fn ubx_observation(
     observation.range_rate_mps = measurement
         .doppler_hz
         .zip(signal.frequency_hz(system))
-        .map(|(doppler_hz, frequency_hz)| -f64::from(doppler_hz) * (SPEED_OF_LIGHT_MPS / frequency_hz))
+        .map(|(doppler_hz, frequency_hz)| {
+            -f64::from(doppler_hz) * (SPEED_OF_LIGHT_MPS / frequency_hz)
+        })
         .filter(|rate_mps| libm::fabs(*rate_mps) <= MAX_RATE_MPS);
     observation.cn0_dbhz = measurement
         .cn0_dbhz

@@ -166,9 +166,7 @@ impl Scanner {
             Found::Native { len } => {
                 native::Frame::from_checked(unused.get(..len)?).map(Scanned::Native)
             }
-            Found::Ubx { len } => {
-                ubx::Frame::from_checked(unused.get(..len)?).map(Scanned::Ubx)
-            }
+            Found::Ubx { len } => ubx::Frame::from_checked(unused.get(..len)?).map(Scanned::Ubx),
         }
     }
 
@@ -370,7 +368,11 @@ mod tests {
         assert_eq!(counters.cut_off_frames, 1);
         assert_eq!(counters.ubx_frames, 3);
         assert_eq!(
-            [counters.ubx_bad_checksum, counters.ubx_bad_length, counters.ubx_too_long],
+            [
+                counters.ubx_bad_checksum,
+                counters.ubx_bad_length,
+                counters.ubx_too_long
+            ],
             [1, 1, 1]
         );
         assert_eq!(counters.noise_bytes, 6 + 14 + 9 + 6 + 6 + 6 + 100 + 10);

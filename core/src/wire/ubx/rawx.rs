@@ -77,7 +77,24 @@ impl<'a> Rawx<'a> {
         let (head, measurements) = payload
             .split_first_chunk::<HEADER_LEN>()
             .ok_or(PayloadError::Length)?;
-        let &[t0, t1, t2, t3, t4, t5, t6, t7, w0, w1, _leap, count, status, version, _, _] = head;
+        let &[
+            t0,
+            t1,
+            t2,
+            t3,
+            t4,
+            t5,
+            t6,
+            t7,
+            w0,
+            w1,
+            _leap,
+            count,
+            status,
+            version,
+            _,
+            _,
+        ] = head;
         if version > 1 {
             return Err(PayloadError::Version { version });
         }
@@ -115,10 +132,38 @@ impl<'a> Rawx<'a> {
 
 fn measurement(bytes: &[u8; MEASUREMENT_LEN], has_signals: bool) -> Measurement {
     let &[
-        p0, p1, p2, p3, p4, p5, p6, p7, //
-        c0, c1, c2, c3, c4, c5, c6, c7, //
-        d0, d1, d2, d3, gnss_id, sv_id, sig_id, _freq_id, //
-        _lock0, _lock1, cn0, _pr_dev, _cp_dev, _do_dev, tracking, _,
+        p0,
+        p1,
+        p2,
+        p3,
+        p4,
+        p5,
+        p6,
+        p7, //
+        c0,
+        c1,
+        c2,
+        c3,
+        c4,
+        c5,
+        c6,
+        c7, //
+        d0,
+        d1,
+        d2,
+        d3,
+        gnss_id,
+        sv_id,
+        sig_id,
+        _freq_id, //
+        _lock0,
+        _lock1,
+        cn0,
+        _pr_dev,
+        _cp_dev,
+        _do_dev,
+        tracking,
+        _,
     ] = bytes;
     let is_set = |bits: u8| tracking & bits == bits;
     let pseudorange_m = finite(f64::from_le_bytes([p0, p1, p2, p3, p4, p5, p6, p7]));
@@ -155,7 +200,10 @@ mod tests {
     fn fields_are_where_the_interface_description_has_them() {
         let bytes = message(2244, 35_754.996, 1, 0b0111);
         let rawx = Rawx::parse(&bytes).unwrap();
-        assert_eq!((rawx.week, rawx.tow_s, rawx.clock_reset), (2244, 35_754.996, true));
+        assert_eq!(
+            (rawx.week, rawx.tow_s, rawx.clock_reset),
+            (2244, 35_754.996, true)
+        );
         let all: Vec<_> = rawx.measurements().collect();
         assert_eq!(
             all,
@@ -201,8 +249,14 @@ mod tests {
     fn time_that_is_none_is_refused() {
         let refused = |week, tow_s| Rawx::parse(&message(week, tow_s, 1, 7)).unwrap_err();
         assert_eq!(refused(0, 18.0), PayloadError::WeekUnknown);
-        assert!(matches!(refused(2244, f64::NAN), PayloadError::TimeOfWeek { .. }));
-        assert!(matches!(refused(2244, 604_900.0), PayloadError::TimeOfWeek { .. }));
+        assert!(matches!(
+            refused(2244, f64::NAN),
+            PayloadError::TimeOfWeek { .. }
+        ));
+        assert!(matches!(
+            refused(2244, 604_900.0),
+            PayloadError::TimeOfWeek { .. }
+        ));
         let mut short = message(2244, 1.0, 1, 7);
         short.pop();
         assert_eq!(Rawx::parse(&short).unwrap_err(), PayloadError::Length);

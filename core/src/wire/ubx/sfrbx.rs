@@ -44,7 +44,16 @@ impl Sfrbx {
         let (head, words) = payload
             .split_first_chunk::<HEADER_LEN>()
             .ok_or(PayloadError::Length)?;
-        let &[gnss_id, sv_id, sig_id, _freq_id, count, _channel, version, _] = head;
+        let &[
+            gnss_id,
+            sv_id,
+            sig_id,
+            _freq_id,
+            count,
+            _channel,
+            version,
+            _,
+        ] = head;
         let (sent, rest) = words.as_chunks::<4>();
         if !(1..=2).contains(&version) {
             return Err(PayloadError::Version { version });
