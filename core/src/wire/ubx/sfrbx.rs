@@ -1,5 +1,5 @@
 //! RXM-SFRBX: the words of one subframe, page or string as the receiver decoded them.
-//! [UBX-F9-HPG] 3.17.9
+//! [UBX-F9-HPG] UBX-RXM-SFRBX
 
 use super::PayloadError;
 

@@ -9,6 +9,7 @@ use surefix_core::wire::rtcm3::{
     BroadcastEphemeris, Cell, Constellation, Message, Msm, MsmHeader, StationPosition, header,
     signals,
 };
+use surefix_core::wire::ubx::{self, Rawx, Sfrbx};
 use surefix_core::wire::{Counters, Scanner};
 
 pub fn all() {
@@ -19,6 +20,7 @@ pub fn all() {
     native_frame(bytes);
     rtcm3(bytes);
     scanner(bytes);
+    u_blox(bytes);
 }
 
 fn rtcm3(bytes: &[u8]) {
@@ -40,6 +42,20 @@ fn rtcm3(bytes: &[u8]) {
                 black_box(cell);
             });
         }
+    }
+}
+
+fn u_blox(bytes: &[u8]) {
+    call1(ubx::checksum, bytes);
+    call1(ubx::Frame::parse, bytes);
+    call1(ubx::Frame::from_checked, bytes);
+    call1(Rawx::parse, bytes);
+    if let Ok(rawx) = Rawx::parse(black_box(bytes)) {
+        call1(|rawx| Rawx::measurements(rawx).last(), &rawx);
+    }
+    call1(Sfrbx::parse, bytes);
+    if let Ok(sfrbx) = Sfrbx::parse(black_box(bytes)) {
+        call1(Sfrbx::words, &sfrbx);
     }
 }
 
