@@ -211,7 +211,7 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
     print_summary(&result, arguments);
     if result.reports.is_empty() {
         eprintln!(
-            "surefix: {} holds no observation epoch surefix can use; summary.json counts what it holds. Record MSM4 to MSM7 messages of GPS, Galileo or BDS, or give RINEX observations",
+            "surefix: {} holds no observation epoch surefix can use; summary.json counts what it holds. Record MSM4 to MSM7 messages of GPS, Galileo or BDS; of a u-blox receiver RXM-RAWX and RXM-SFRBX (u-center: View, Messages View, RXM, Enable Message); or give RINEX observations",
             arguments.gnss.display()
         );
     }

@@ -228,7 +228,9 @@ impl Assembler {
         counters: &mut Counters,
     ) -> Result<Outcome, ubx::PayloadError> {
         match frame.message {
-            ubx::RXM_RAWX => Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters)),
+            ubx::RXM_RAWX if !frame.payload.is_empty() => {
+                Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters))
+            }
             _ => {
                 count(&mut counters.ubx_unsupported);
                 Ok(Outcome::Used)

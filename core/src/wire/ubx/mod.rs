@@ -118,8 +118,9 @@ impl<'a> Frame<'a> {
             return Err(FrameError::TooLong { length });
         }
         let is_possible = match message {
-            RXM_RAWX => rawx::length_is_possible(length, rest),
-            RXM_SFRBX => sfrbx::length_is_possible(length, rest),
+            // Empty, it asks for the message.
+            RXM_RAWX if length > 0 => rawx::length_is_possible(length, rest),
+            RXM_SFRBX if length > 0 => sfrbx::length_is_possible(length, rest),
             _ => true,
         };
         if !is_possible {
