@@ -14,7 +14,6 @@ pub mod rawx;
 pub mod sfrbx;
 
 pub use rawx::{Measurement, Rawx};
-pub use sfrbx::Sfrbx;
 
 /// The two bytes a frame starts with.
 pub const PREAMBLE: [u8; 2] = [0xB5, 0x62];
@@ -79,11 +78,6 @@ pub enum PayloadError {
     },
     /// The receiver does not know the week yet.
     WeekUnknown,
-    /// More words than any navigation message has that is used here.
-    TooManyWords {
-        /// How many.
-        count: u8,
-    },
 }
 
 /// The two sums of [UBX-F9-HPG] 3.4, after RFC 1145.
