@@ -147,6 +147,13 @@ impl Known {
         self.0.contains(sent)
     }
 
+    /// The observations.
+    pub fn observations(&self) -> impl Iterator<Item = &Sent> {
+        self.0
+            .iter()
+            .filter(|sent| matches!(sent, Sent::Observation { .. }))
+    }
+
     /// How many observations and ephemerides there are.
     pub fn counts(&self) -> [usize; 2] {
         let ephemerides = self
