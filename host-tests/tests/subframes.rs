@@ -7,6 +7,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use common::shared;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use surefix_core::gnss::orbit::position_velocity;
 use surefix_core::gnss::{Ephemeris, NavMessage, Satellite, System};
 use surefix_core::time::GpsTime;
@@ -432,4 +434,138 @@ fn a_cold_start_gives_issues_that_join() {
         n_joined += 1;
     }
     assert_eq!(n_joined, 7);
+}
+
+/// Two bits of one code of a word of BDS are wrong, and the receiver corrects what it takes for one.
+fn damage_and_correct(random: &mut ChaCha8Rng, words: &mut [u8]) {
+    // Division by X⁴ + X + 1. [BDS-SIS-ICD-B1I] 5.1.3
+    let is_code = |code: u32| {
+        let divided = |left: u32, at: u32| left ^ ((left >> at & 1) * (0b10011 << (at - 4)));
+        (4..15).rev().fold(code, divided) == 0
+    };
+    let begin = 4 * (1 + random.next_u32() as usize % 9);
+    let bytes: &mut [u8; 4] = (&mut words[begin..begin + 4]).try_into().unwrap();
+    let word = u32::from_le_bytes(*bytes);
+    // The two codes of a word: 11 bits and 4 of parity each.
+    let (data_at, parity_at) = [(19, 4), (8, 0)][random.next_u32() as usize % 2];
+    let code = (word >> data_at & 0x7FF) << 4 | word >> parity_at & 0xF;
+    assert!(is_code(code), "{code:b}");
+    let first = random.next_u32() % 15;
+    let second = (first + 1 + random.next_u32() % 14) % 15;
+    let received = code ^ 1 << first ^ 1 << second;
+    let corrected = (0..15).map(|bit| received ^ 1 << bit);
+    let [code] = corrected.filter(|code| is_code(*code)).collect::<Vec<_>>()[..] else {
+        panic!("the code is perfect");
+    };
+    let rest = word & !(0x7FF << data_at | 0xF << parity_at);
+    *bytes = (rest | (code >> 4) << data_at | (code & 0xF) << parity_at).to_le_bytes();
+}
+
+/// INT-060
+#[test]
+fn damage_gives_no_other_ephemeris() {
+    let stem = "data/instinct-spirent-f9p-ubx/Spirent_ublox-F9P_static_duration-15min_sys-GPS-GAL_\
+                iono-Klobuchar_tropo-Saastamoinen";
+    for path in [
+        format!("{stem}.ubx"),
+        "data/walk0827-x20p-imu/gnss_1730.ubx".to_owned(),
+    ] {
+        let Some(ubx) = shared(&path) else { continue };
+        let recording = recorded(&ubx);
+        let right = hear(&recording).ephemerides;
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        // By constellation: damaged, and not refused although another subframe came.
+        let mut counts = BTreeMap::<u8, [usize; 2]>::new();
+        for _ in 0..20 {
+            let mut damaged = recording.clone();
+            for one in &mut damaged {
+                let is_read = !matches!(
+                    Collector::EMPTY.take(&one.subframe()),
+                    Err(SubframeError::Unsupported)
+                );
+                if !is_read || !random.next_u32().is_multiple_of(20) {
+                    continue;
+                }
+                let before = one.words.clone();
+                if one.gnss_id == 3 {
+                    damage_and_correct(&mut random, &mut one.words);
+                } else {
+                    // Up to three bits of the 30 of a word.
+                    let word = 4 * (random.next_u32() as usize % (one.words.len() / 4));
+                    for _ in 0..1 + random.next_u32() % 3 {
+                        let bit = random.next_u32() as usize % 30;
+                        one.words[word + bit / 8] ^= 1 << (bit % 8);
+                    }
+                }
+                let taken = Collector::EMPTY.take(&one.subframe());
+                if one.words != before {
+                    let [n_damaged, n_taken] = counts.entry(one.gnss_id).or_default();
+                    *n_damaged += 1;
+                    *n_taken += usize::from(taken.is_ok());
+                }
+            }
+            let heard = hear(&damaged);
+            assert!(heard.ephemerides.len() > right.len() / 2, "{path}");
+            for e in &heard.ephemerides {
+                assert!(right.contains(e), "{path}: {} {e:?}", satellite_of(e));
+            }
+        }
+        println!("{path}: {counts:?}");
+        let refuses_all = |[damaged, taken]: [usize; 2]| damaged > 50 && taken == 0;
+        assert!(refuses_all(counts[&0]), "GPS: {counts:?}");
+        // What is not covered by the checksum is taken.
+        let [damaged, taken] = counts[&2];
+        assert!(damaged > 100 && taken * 3 < damaged, "Galileo: {counts:?}");
+        // Of BDS every error is taken but where it makes a time that is none.
+        if let Some([damaged, taken]) = counts.get(&3) {
+            assert!(*damaged > 50 && taken * 10 > damaged * 9, "BDS: {counts:?}");
+        }
+    }
+}
+
+/// INT-060
+#[test]
+fn receivers_of_generation_8_are_read() {
+    let folder = "data/ubx-parser-corpus";
+    let Some(bds) = shared(&format!("{folder}/swift_rxm_sfrbx_bds.ubx")) else {
+        return;
+    };
+    let recording = recorded(&bds);
+    assert_eq!(recording.len(), 13);
+    let heard = hear(&recording);
+    assert_eq!((heard.n_given, heard.refused.len()), (0, 0), "heard once");
+    // Subframes 1 to 3 of C25 are there; the same again is what a second signal would send.
+    let heard = hear(&[&recording[..], &recording].concat());
+    let [e] = heard.ephemerides[..] else {
+        panic!("{:?}", heard.ephemerides);
+    };
+    assert_eq!((e.source, e.satellite, e.week), (Source::BdsD1D2, 25, 735));
+    assert_eq!((e.toe_s, e.toc_s, e.issue), (460_800, 460_800, 1));
+    // A medium orbit of BDS: 27,906 km.
+    assert!((e.sqrt_a - 27_906_000_f64.sqrt()).abs() < 1.0, "{e:?}");
+    assert!((e.i0_sc * 180.0 - 55.0).abs() < 1.0, "{e:?}");
+    let Some(galileo) = shared(&format!("{folder}/swift_rxm_sfrbx_gal.ubx")) else {
+        return;
+    };
+    let heard = hear(&recorded(&galileo));
+    assert!(heard.refused.is_empty(), "{:?}", heard.refused);
+    let [e] = heard.ephemerides[..] else {
+        panic!("{:?}", heard.ephemerides);
+    };
+    assert_eq!(
+        (e.source, e.satellite, e.week),
+        (Source::GalileoInav, 8, 1066)
+    );
+    assert_eq!((e.toe_s, e.toc_s, e.issue), (135_000, 135_000, 97));
+    assert!((e.sqrt_a - 29_600_000_f64.sqrt()).abs() < 1.0, "{e:?}");
+    let Some(gps) = shared(&format!("{folder}/swift_rxm_sfrbx_gps.ubx")) else {
+        return;
+    };
+    let heard = hear(&recorded(&gps));
+    println!(
+        "{} {:?} {:?}",
+        heard.ephemerides.len(),
+        heard.refused,
+        heard.klobuchar
+    );
 }

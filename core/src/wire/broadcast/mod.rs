@@ -35,6 +35,8 @@ mod d1d2;
 mod inav;
 mod lnav;
 mod slot;
+#[cfg(test)]
+mod tests;
 
 use crate::time::SECONDS_PER_WEEK;
 use d1d2::D1D2;
