@@ -557,6 +557,7 @@ mod tests {
         assert_eq!(rig.tell(week_s + 121.0, nominal()), NOMINAL);
     }
 
+    /// INT-061.
     #[test]
     fn an_epoch_a_minute_is_enough_and_one_in_two_is_not() {
         let mut slow = Rig::new(Phase::Npa);
