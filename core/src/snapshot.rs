@@ -1,5 +1,5 @@
 //! The snapshot monitor: one epoch in, a position and a verdict on it out, no memory of earlier epochs
-//! but where to start the iteration.
+//! but where to start the iteration. Who was excluded before is told to it (`readmission.rs`).
 //!
 //! ```text
 //! epoch ─► solution ─► detection ──passes──────────────────────────► levels ─► verdict
@@ -11,11 +11,11 @@
 
 use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
 use crate::config::{Config, ConfigError};
-use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
+use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, MAX_UNKNOWNS, SPEED_OF_LIGHT_MPS};
 use crate::gnss::solution::{
     SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
 };
-use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satellite, SatelliteSet};
 use crate::integrity::{Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict};
 use crate::linalg::qr::WhitenedQr;
 use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
@@ -175,6 +175,27 @@ impl SnapshotMonitor {
     /// The same, to look at the epoch's satellites from another place.
     pub const fn workspace_mut(&mut self) -> &mut SnapshotWorkspace {
         &mut self.workspace
+    }
+
+    /// How far a satellite that was left out is from what the position of the last epoch assessed, which passed its
+    /// test, predicts for it: measured minus predicted, m, and the variance of that, m². The prediction is the
+    /// weighted least squares' own: hᵀ(RᵀR)⁻¹h with the satellite's row h.
+    pub fn disagreement(
+        &self,
+        satellite: Satellite,
+        solution: &SnapshotSolution,
+    ) -> Option<(f64, f64)> {
+        let (row, residual_m, sigma) = self.workspace.left_out(satellite, solution)?;
+        let mut whitened = [0.0; MAX_UNKNOWNS];
+        let m = self.qr.m();
+        for (derivative, r_inverse) in row.iter().zip(self.qr.r_inverse()).take(m) {
+            for (sum, entry) in whitened.iter_mut().zip(r_inverse).take(m) {
+                *sum += derivative * entry;
+            }
+        }
+        let predicted_m2: f64 = whitened.iter().map(|entry| entry * entry).sum();
+        let own_m = sigma.total_m();
+        Some((residual_m, predicted_m2 + own_m * own_m))
     }
 
     /// Assesses one epoch; the work of each stage is booked in `ledger`.
@@ -418,8 +439,8 @@ fn judge(progress: &Progress, requirements: &PhaseRequirements) -> Verdict {
         Test::Passed | Test::PassedWithout if !vertical => {
             (Integrity::Unavailable, Reason::VplAboveLimit)
         }
-        Test::Passed => (Integrity::Nominal, Reason::None),
-        Test::PassedWithout => (Integrity::Excluded, Reason::None),
+        Test::Passed if progress.excluded.is_empty() => (Integrity::Nominal, Reason::None),
+        Test::Passed | Test::PassedWithout => (Integrity::Excluded, Reason::None),
     };
     Verdict {
         integrity,
