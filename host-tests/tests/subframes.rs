@@ -268,7 +268,7 @@ fn navigation(path: &Path) -> NavigationFile {
     NavigationFile::parse(&text).unwrap()
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn a_simulated_sky_of_gps_and_galileo_is_collected_as_in_its_navigation_file() {
     let stem = "data/instinct-spirent-f9p-ubx/Spirent_ublox-F9P_static_duration-15min_sys-GPS-GAL_\
@@ -321,7 +321,7 @@ fn a_simulated_sky_of_gps_and_galileo_is_collected_as_in_its_navigation_file() {
     }
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn a_walk_among_obstructions_is_collected_as_in_its_navigation_file() {
     let folder = "data/walk0827-x20p-imu";
@@ -396,7 +396,7 @@ fn in_si(e: &BroadcastEphemeris) -> Ephemeris {
     }
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn a_cold_start_gives_issues_that_join() {
     let Some(ubx) =
@@ -467,7 +467,7 @@ fn damage_and_correct(random: &mut ChaCha8Rng, words: &mut [u8]) {
     *bytes = (rest | (code >> 4) << data_at | (code & 0xF) << parity_at).to_le_bytes();
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn damage_gives_no_other_ephemeris() {
     let stem = "data/instinct-spirent-f9p-ubx/Spirent_ublox-F9P_static_duration-15min_sys-GPS-GAL_\
@@ -526,7 +526,7 @@ fn damage_gives_no_other_ephemeris() {
     }
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn receivers_of_generation_8_are_read() {
     let folder = "data/ubx-parser-corpus";

@@ -119,6 +119,7 @@ impl Collected {
 }
 
 /// Collects the parts of messages, satellite by satellite. 5.8 kB.
+#[derive(Clone, Debug)]
 pub struct Collector {
     slots: [Slot; MAX_COLLECTED],
     /// Subframes so far, modulo 2³².

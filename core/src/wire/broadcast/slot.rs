@@ -39,6 +39,7 @@ impl Kind {
 }
 
 /// The parts of one satellite's message.
+#[derive(Clone, Debug)]
 pub(super) struct Slot {
     /// Whose; `None` when the slot is free.
     pub(super) owner: Option<(Kind, u8)>,

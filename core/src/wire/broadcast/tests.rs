@@ -631,7 +631,7 @@ fn the_ionosphere_of_gps_is_page_18_of_subframe_4() {
     assert_eq!(GPS.to(&mut collector, &page(57)), Ok(Collected::NOTHING));
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn no_single_bit_makes_another_ephemeris() {
     let cases = [
@@ -686,7 +686,7 @@ fn no_single_bit_makes_another_ephemeris() {
     }
 }
 
-/// INT-060
+/// INT-054
 #[test]
 fn parts_of_different_issues_are_not_put_together() {
     // GPS: each part of the new issue in turn; all of it gives the new one, as early as it is whole.

@@ -99,6 +99,32 @@ fn decode() {
         }
         row.print("decode/msm7", Some(n), None);
     }
+    decode_ubx(ingest, &mut random);
+}
+
+/// The same of a u-blox receiver. By its own time, later than that of the MSM by more than those of one
+/// source keep another one silent.
+#[inline(never)]
+fn decode_ubx(ingest: &mut Ingest, random: &mut Random) {
+    let mut bytes = [0; messages::UBX_CAPACITY];
+    let mut tow_s = 346_000.996;
+    for (n, clocks) in SKIES {
+        if clocks > 1 && n < 48 {
+            continue;
+        }
+        let mut row = Row::new();
+        for _ in 0..RUNS {
+            tow_s += 1.0;
+            let length = messages::rawx(random, n, tow_s, &mut bytes);
+            let mut event = Event::Nothing;
+            row.run(|| (_, event) = ingest.push(black_box(&bytes[..length])));
+            require(
+                event == Event::EpochReady && ingest.epoch().satellites.len() == n,
+                "the epoch was refused",
+            );
+        }
+        row.print("decode/rawx", Some(n), None);
+    }
 }
 
 /// The subframe or page that completes an ephemeris, of a satellite after another.

@@ -10,6 +10,7 @@ use surefix_core::wire::rtcm3::{
     BroadcastEphemeris, Cell, Constellation, Message, Msm, MsmHeader, StationPosition, header,
     signals,
 };
+use surefix_core::wire::ubx::{self, Rawx, sfrbx};
 use surefix_core::wire::{Counters, Scanner};
 
 pub fn all() {
@@ -21,6 +22,7 @@ pub fn all() {
     rtcm3(bytes);
     broadcast(bytes);
     scanner(bytes);
+    u_blox(bytes);
 }
 
 fn rtcm3(bytes: &[u8]) {
@@ -43,6 +45,17 @@ fn rtcm3(bytes: &[u8]) {
             });
         }
     }
+}
+
+fn u_blox(bytes: &[u8]) {
+    call1(ubx::checksum, bytes);
+    call1(ubx::Frame::parse, bytes);
+    call1(ubx::Frame::from_checked, bytes);
+    call1(Rawx::parse, bytes);
+    if let Ok(rawx) = Rawx::parse(black_box(bytes)) {
+        call1(|rawx| Rawx::measurements(rawx).last(), &rawx);
+    }
+    call1(sfrbx::parse, bytes);
 }
 
 fn broadcast(bytes: &[u8]) {
