@@ -26,6 +26,7 @@ use crate::integrity::{
 use crate::mhss::protection::SNAPSHOT_FALSE_ALERT_SHARE;
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
+use crate::satellite_report::SatelliteReport;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
 use crate::tight::{BankMemory, TestedSolution, TightConfigureError, TightMonitor, TightSolution};
 use crate::time::{GpsTime, NS_PER_WEEK};
@@ -476,6 +477,17 @@ impl Monitor {
         if let Some(opinion) = self.tight.opinion() {
             report.level_m = opinion.levels_m;
         }
+        true
+    }
+
+    /// The satellites of the last epoch, of which `report` tells, if the receiver sent observations of it:
+    /// fills `satellites`.
+    pub fn satellite_report(&self, report: &EpochReport, satellites: &mut SatelliteReport) -> bool {
+        let epoch = self.ingest.epoch();
+        if self.pending != Pending::Observations || epoch.time != report.time {
+            return false;
+        }
+        satellites.fill(epoch, self.snapshot.workspace(), report);
         true
     }
 
