@@ -10,6 +10,7 @@ pub mod crc;
 pub mod native;
 pub mod rtcm3;
 pub mod scanner;
+pub mod ubx;
 
 pub use counters::Counters;
 pub use scanner::{Scanned, Scanner};
