@@ -96,7 +96,7 @@ struct ReplayArguments {
     /// Which verdicts to print as they come
     #[arg(long, value_enum, default_value = "changes")]
     print: Print,
-    /// Directory to write epochs.csv, errors.csv, summary.json and report.html to
+    /// Directory to write epochs.csv, satellites.csv, errors.csv, summary.json, track.kml, track.gpx and report.html to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

@@ -216,6 +216,8 @@ pub struct Measurement {
     pub pseudorange_m: f64,
     /// Range rate of the first signal that has one, m/s.
     pub range_rate_mps: Option<f64>,
+    /// C/N0 of the first signal, dB-Hz.
+    pub cn0_dbhz: Option<f32>,
     /// Satellite clock to add to the pseudorange: polynomial, relativity, group delay, m.
     pub clock_m: f64,
     /// Satellite clock drift to add to the range rate, m/s.
@@ -276,6 +278,9 @@ pub fn measure(
                 let combination = Combination::new(ephemeris, choice, pseudoranges_m)?;
                 let mut measurement = combination.measurement(ephemeris, time)?;
                 measurement.range_rate_mps = range_rate(observation, choice);
+                measurement.cn0_dbhz = observation
+                    .signal(choice.first)
+                    .and_then(|signal| signal.cn0_dbhz);
                 return Ok(measurement);
             }
             Err(refused) => reason = refused.into(),
@@ -361,6 +366,7 @@ impl Combination {
             satellite: ephemeris.satellite,
             pseudorange_m: self.pseudorange_m,
             range_rate_mps: None,
+            cn0_dbhz: None,
             clock_m: SPEED_OF_LIGHT_MPS * (clock.offset_s + late_s),
             clock_drift_mps: SPEED_OF_LIGHT_MPS * (clock.rate_sps + orbit.relativity_rate_sps),
             r_e_m: [x - vx * late_s, y - vy * late_s, z - vz * late_s],

@@ -549,7 +549,10 @@ impl Assembler {
             Some(Kind::ReferenceModel) => Outcome::UsedGives(Event::ReferenceModel(
                 decode_reference_model(frame.payload())?,
             )),
-            Some(Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank) | None => {
+            Some(
+                Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank | Kind::Satellites,
+            )
+            | None => {
                 count(&mut counters.native_unknown_kind);
                 Outcome::Used
             }
