@@ -185,7 +185,7 @@ impl SnapshotMonitor {
         satellite: Satellite,
         solution: &SnapshotSolution,
     ) -> Option<(f64, f64)> {
-        let (row, residual_m, sigma) = self.workspace.left_out(satellite, solution)?;
+        let (row, residual_m, sigma) = self.workspace.row_left_out(satellite, solution)?;
         let mut whitened = [0.0; MAX_UNKNOWNS];
         let m = self.qr.m();
         for (derivative, r_inverse) in row.iter().zip(self.qr.r_inverse()).take(m) {

@@ -339,7 +339,7 @@ impl SnapshotWorkspace {
 
     /// Why a satellite of the epoch is not in the last solution; `None` where it is, or would be if there
     /// were one.
-    pub fn left_out(&self, satellite: Satellite) -> Option<SatelliteReason> {
+    pub fn reason_left_out(&self, satellite: Satellite) -> Option<SatelliteReason> {
         match self.row(satellite).map(|row| row.state) {
             Some(RowState::Used) => None,
             Some(RowState::Unused(reason)) => Some(reason),
@@ -376,7 +376,7 @@ impl SnapshotWorkspace {
     /// A satellite above the mask that a solution of this epoch left out, as a row of its linear model: the
     /// derivatives, measured minus predicted, m, and the sigma. `None` where the solution has no clock of its
     /// constellation.
-    pub fn left_out(
+    pub fn row_left_out(
         &self,
         satellite: Satellite,
         solution: &SnapshotSolution,

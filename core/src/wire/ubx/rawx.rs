@@ -103,8 +103,8 @@ impl<'a> Rawx<'a> {
             return Err(PayloadError::Length);
         }
         let tow_s = f64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]);
-        // Written so that NaN refuses. A clock ahead of the week's end by less than a second is as it is.
-        if !(tow_s >= -1.0 && tow_s <= SECONDS_PER_WEEK + 1.0) {
+        // NaN is in no range. A clock ahead of the week's end by less than a second is as it is.
+        if !(-1.0..=SECONDS_PER_WEEK + 1.0).contains(&tow_s) {
             return Err(PayloadError::TimeOfWeek { tow_s });
         }
         let week = u16::from_le_bytes([w0, w1]);

@@ -172,7 +172,12 @@ fn snapshot(epoch: &ObservationEpoch) {
         Satellite::from_index(black_box(0)),
     ) {
         let workspace = monitor.workspace();
-        call3(SnapshotWorkspace::left_out, workspace, satellite, &solution);
+        call3(
+            SnapshotWorkspace::row_left_out,
+            workspace,
+            satellite,
+            &solution,
+        );
         call3(
             SnapshotMonitor::disagreement,
             &monitor,
@@ -277,7 +282,7 @@ fn tight() {
     let mut workspace = SnapshotWorkspace::EMPTY;
     if let Some(satellite) = Satellite::new(System::Gps, black_box(1)) {
         call2(SnapshotWorkspace::sigma, &workspace, satellite);
-        call2(SnapshotWorkspace::left_out, &workspace, satellite);
+        call2(SnapshotWorkspace::reason_left_out, &workspace, satellite);
         call2(SnapshotWorkspace::direction_rad, &workspace, satellite);
         call2(SnapshotWorkspace::cn0_dbhz, &workspace, satellite);
         call3(
