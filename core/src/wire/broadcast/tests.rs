@@ -976,3 +976,101 @@ fn a_message_of_zeros_is_no_ephemeris() {
         1
     );
 }
+
+/// Random bits. [KNUTH-2] 3.3.4, the multiplier of MMIX.
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self, n: usize) -> String {
+        let one = |_| {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            if self.0 >> 63 == 0 { '0' } else { '1' }
+        };
+        (0..n).map(one).collect()
+    }
+
+    /// `n` bits with `fixed` from bit `at` on.
+    fn around(&mut self, n: usize, at: usize, fixed: &str) -> String {
+        let mut text = self.bits(n);
+        text.replace_range(at..at + fixed.len(), fixed);
+        text
+    }
+}
+
+#[test]
+fn any_content_under_right_codes_is_refused_or_legal() {
+    let mut random = Random(1);
+    let mut given = [0; 4];
+    let mut refused = [0; 4];
+    for round in 0..300 {
+        let issue = bits(&[(round, 8)]);
+        let lnav = [
+            lnav(1, 6000, false, &random.around(190, 120, &issue)),
+            lnav(2, 6001, false, &random.around(190, 0, &issue)),
+            lnav(3, 6002, false, &random.around(190, 168, &issue)),
+        ];
+        let inav = [1, 2, 3, 4, 5].map(|word| {
+            let head = bits(&[(word, 6), (round, 10)]);
+            let satellite = if word == 4 {
+                bits(&[(11, 6)])
+            } else {
+                String::new()
+            };
+            inav(&random.around(128, 0, &[head, satellite].concat()))
+        });
+        let mut field = |start: usize, end: usize| {
+            (
+                start,
+                end - start,
+                i64::from_str_radix(&random.bits(end - start), 2).unwrap(),
+            )
+        };
+        let mut rest = || -> Vec<_> {
+            let words = (2..10).map(|i| (30 * i + 1, 30 * i + 23));
+            let words = words.map(|(start, end)| field(start, end));
+            words.collect()
+        };
+        let d1 = [1, 2, 3].map(|number| bds(number, 36_000 + 6 * (number - 1), &rest()));
+        let d2: Vec<_> = (1..=10)
+            .map(|page| {
+                let fields = [rest(), vec![(43, 4, page)]].concat();
+                bds(1, 36_000 + 3 * (page - 1), &fields)
+            })
+            .collect();
+        let messages = [
+            (GPS, Vec::from(lnav)),
+            (GALILEO, Vec::from(inav)),
+            (BDS_D1, [d1.clone(), d1].concat()),
+            (BDS_D2, [d2.clone(), d2].concat()),
+        ];
+        for (i, (sender, parts)) in messages.into_iter().enumerate() {
+            let mut collector = Collector::EMPTY;
+            for words in parts {
+                match sender.to(&mut collector, &words) {
+                    Ok(Collected {
+                        ephemeris: Some(e), ..
+                    }) => {
+                        given[i] += 1;
+                        assert!(
+                            e.toe_s < 604_800 && e.toc_s < 604_800 && e.sqrt_a >= 1.0,
+                            "{e:?}"
+                        );
+                    }
+                    Ok(_) => {}
+                    Err(error) => {
+                        let may_be = [SubframeError::IllegalValue, SubframeError::Time];
+                        assert!(may_be.contains(&error), "{error:?}");
+                        refused[i] += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(
+        given.iter().chain(&refused).all(|n| *n > 30),
+        "{given:?} {refused:?}"
+    );
+}
