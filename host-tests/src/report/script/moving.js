@@ -1,6 +1,6 @@
 // ---- moving about -------------------------------------------------------------------------
 const output = document.getElementById("cursor");
-const help = output.textContent;
+const help = [...output.childNodes];
 const resetButton = document.getElementById("reset");
 const scaleButton = document.getElementById("scale");
 let drag = null;
@@ -20,7 +20,7 @@ function setCursor(i) {
   for (const p of panels) p.read(i);
   output.replaceChildren();
   if (i === null) {
-    output.textContent = help;
+    output.replaceChildren(...help);
   } else {
     const time = document.createElement("b");
     time.textContent = clock(T[i], timeDigits);
