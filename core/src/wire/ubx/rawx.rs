@@ -1,4 +1,5 @@
-//! RXM-RAWX: what the receiver measured at one instant. [UBX-F9-HPG] 3.17.6, [UBX-M8] 32.18.7
+//! RXM-RAWX: what the receiver measured at one instant. [UBX-F9-HPG] UBX-RXM-RAWX
+//! (version 1 of the message), [UBX-M8] UBX-RXM-RAWX (version 0)
 
 use super::PayloadError;
 
