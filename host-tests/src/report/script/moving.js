@@ -194,6 +194,13 @@ scaleButton.addEventListener("click", () => {
 });
 const recolour = () => { readColours(); drawAll(); };
 window.addEventListener("resize", redraw);
-for (const query of ["(prefers-color-scheme: dark)", "print"]) window.matchMedia(query).addEventListener("change", recolour);
-window.addEventListener("afterprint", recolour);
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
+const paper = (is) => {
+  onPaper = is;
+  document.documentElement.classList.toggle("paper", is);
+  if (is) setCursor(null);
+  recolour();
+};
+window.addEventListener("beforeprint", () => paper(true));
+window.addEventListener("afterprint", () => paper(false));
 recolour();

@@ -54,7 +54,7 @@ function skyPanel(parent) {
   p.draw = () => {
     p.height = placeHeight(p);
     const g = prepare(p);
-    const width = p.canvas.clientWidth;
+    const width = widthOf(p);
     centre = { x: width / 2, y: p.height / 2, r: Math.max(20, Math.min(width / 2 - 26, p.height / 2 - 20)) };
     const from = Math.max(0, Math.floor(lower(view[0]) / skies.each)), to = Math.min(skies.B, skyBin(Math.min(N - 1, lower(view[1]))) + 1);
     const usedIn = (s, k) => (used.get(s.id) || []).some(([a, b]) => a < (k + 1) * skies.each && b > k * skies.each);

@@ -7,7 +7,7 @@ const track = D.track && (() => {
 })();
 
 // As high as wide, within what a page has room for.
-const placeHeight = (p) => Math.round(Math.min(440, Math.max(280, p.canvas.clientWidth * 0.95)));
+const placeHeight = (p) => Math.round(Math.min(440, Math.max(280, widthOf(p) * 0.95)));
 
 function trackPanel(parent) {
   const p = makeFigure(parent, "Track, local grid", "m");
