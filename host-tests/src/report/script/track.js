@@ -123,15 +123,19 @@ function trackPanel(parent) {
   function scaleBar(g, width) {
     const b = p.box, px = width / now().scale, x = b.x + b.w - 14 - px, y = b.y + b.h - 14;
     const text = width >= 1000 ? width / 1000 + " km" : Number(width.toPrecision(3)) + " m";
-    g.fillStyle = colour.paper;
-    g.globalAlpha = 0.8;
-    g.fillRect(x - 6, y - 18, px + 12, 26);
-    g.globalAlpha = 1;
-    g.strokeStyle = g.fillStyle = colour.ink;
-    g.lineWidth = 1.5;
-    g.beginPath(); g.moveTo(x, y - 4); g.lineTo(x, y); g.lineTo(x + px, y); g.lineTo(x + px, y - 4); g.stroke();
+    const bar = (css, thick) => {
+      g.strokeStyle = colour[css];
+      g.lineWidth = thick;
+      g.beginPath(); g.moveTo(x, y - 4); g.lineTo(x, y); g.lineTo(x + px, y); g.lineTo(x + px, y - 4); g.stroke();
+    };
+    bar("paper", 4);
+    bar("ink", 1.5);
     g.font = font(11);
     g.textAlign = "center"; g.textBaseline = "bottom";
+    g.lineWidth = 3;
+    g.strokeStyle = colour.paper;
+    g.strokeText(text, x + px / 2, y - 3);
+    g.fillStyle = colour.ink;
     g.fillText(text, x + px / 2, y - 3);
   }
 
