@@ -117,7 +117,7 @@ impl SatelliteReport {
                 SatelliteUse::LeftOut(SatelliteReason::FaultExcluded)
             } else {
                 workspace
-                    .reason_left_out(satellite)
+                    .why_left_out(satellite)
                     .map_or(SatelliteUse::NotInPosition, SatelliteUse::LeftOut)
             };
             let is_compared = excluded || fate == SatelliteUse::Used;

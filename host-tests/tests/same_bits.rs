@@ -1,4 +1,4 @@
-//! Whole recordings give the same `epochs.csv` on this machine and on the emulated Cortex-M7, byte for
+//! Whole recordings give the same `epochs.csv` and the same satellites on this machine and on the emulated Cortex-M7, byte for
 //! byte: what replays here show is true there.
 
 mod common;
@@ -37,6 +37,11 @@ fn on_both(mut options: ReplayOptions) -> Option<ReplayResult> {
     }
     assert_eq!(here_csv.len(), there_csv.len());
     assert_eq!(here.counters, there.counters);
+    assert!(here.satellites.iter().any(Option::is_some));
+    for (k, (a, b)) in here.satellites.iter().zip(&there.satellites).enumerate() {
+        assert_eq!(a, b, "epoch {k}");
+    }
+    assert_eq!(here.satellites.len(), there.satellites.len());
     eprintln!(
         "{}: {} epochs, {} bytes of epochs.csv, equal on both machines",
         options.gnss.display(),

@@ -11,7 +11,7 @@ use crate::{Failure, Result, bench, documentation, images, rules, setup};
 /// Runs all stages and closes with one summary.
 pub fn run(workspace: &Workspace) -> Result {
     let mut stages = Stages::start();
-    if !stages.run("setup", || setup::run(workspace)) {
+    if !stages.run("setup", || setup::run_with_browser(workspace)) {
         return stages.verdict();
     }
     if setup::has_component(workspace, "rustfmt") {

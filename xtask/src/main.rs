@@ -88,7 +88,7 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let workspace = Workspace::locate();
     let outcome = match words.as_slice() {
-        ["setup"] => setup::run(&workspace),
+        ["setup"] => setup::run_with_browser(&workspace),
         ["test"] => checks::run(&workspace),
         ["demo"] => demo::run(&workspace),
         ["images"] => images::run(&workspace),

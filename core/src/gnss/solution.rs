@@ -339,7 +339,7 @@ impl SnapshotWorkspace {
 
     /// Why a satellite of the epoch is not in the last solution; `None` where it is, or would be if there
     /// were one.
-    pub fn reason_left_out(&self, satellite: Satellite) -> Option<SatelliteReason> {
+    pub fn why_left_out(&self, satellite: Satellite) -> Option<SatelliteReason> {
         match self.row(satellite).map(|row| row.state) {
             Some(RowState::Used) => None,
             Some(RowState::Unused(reason)) => Some(reason),

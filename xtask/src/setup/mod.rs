@@ -5,6 +5,7 @@
 //! | Cortex-M7 target | the active compiler links a probe with fat LTO | `rustup target add`, else the distribution's compiler ([`distribution`]) |
 //! | rustfmt, clippy | they run | `rustup component add`, else `xtask test` leaves them out and says so |
 //! | QEMU with `mps2-an500` | it lists the board | apt, dnf, pacman or brew |
+//! | Chromium, for the report's tests | it runs | apt, dnf or pacman, else the tests say that they are left out |
 //!
 //! Every step is safe to repeat and says what it did. Why three routes: docs/decisions/003-toolchain.md.
 
@@ -26,7 +27,22 @@ const RUSTUP_LIMIT: Duration = Duration::from_secs(300);
 /// The board model every emulated test runs on.
 pub const BOARD: &str = "mps2-an500";
 
+/// What the report's tests look for.
+const BROWSERS: [&str; 4] = [
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+];
+
 /// Everything of the table above, in its order.
+pub fn run_with_browser(workspace: &Workspace) -> Result {
+    run(workspace)?;
+    ensure_browser(workspace);
+    Ok(())
+}
+
+/// The same without the browser, which is large and which only tests need.
 pub fn run(workspace: &Workspace) -> Result {
     let started = Instant::now();
     target::ensure(workspace)?;
@@ -84,6 +100,33 @@ fn ensure_component(workspace: &Workspace, component: &str) {
         say(&format!(
             "WARNING: no {component} for this toolchain: its check is left out of `cargo xtask test`"
         ));
+    }
+}
+
+fn has_browser(workspace: &Workspace) -> bool {
+    BROWSERS
+        .iter()
+        .any(|name| runs(workspace, name, "--version"))
+}
+
+/// Never a failure: without a browser everything else can still be tested.
+fn ensure_browser(workspace: &Workspace) {
+    if has_browser(workspace) {
+        return;
+    }
+    let package = packages::Manager::find(workspace)
+        .and_then(|manager| Some((manager, manager.browser_package()?)));
+    if let Some((manager, package)) = package {
+        say(&format!(
+            "no Chromium: installing {package} with {} (100 MB and more)",
+            manager.name()
+        ));
+        if let Err(failure) = manager.install(workspace, &[package]) {
+            say(&failure.to_string());
+        }
+    }
+    if !has_browser(workspace) {
+        say("WARNING: no Chromium: `cargo xtask test` does not open the report in a browser");
     }
 }
 

@@ -50,6 +50,14 @@ impl Manager {
         }
     }
 
+    /// What holds Chromium, where that runs without a desktop and needs no store.
+    pub fn browser_package(self) -> Option<&'static str> {
+        match self {
+            Self::Apt | Self::Dnf | Self::Pacman => Some("chromium"),
+            Self::Brew => None,
+        }
+    }
+
     /// Installs packages; with stale package lists refreshed once.
     pub fn install(self, workspace: &Workspace, packages: &[&str]) -> Result {
         let joined = packages.join(" ");

@@ -28,6 +28,7 @@ for (const k of ["week", "state", "reason", "hpl", "vpl", "hal", "val", "stat", 
 const map = (f) => Float32Array.from({ length: N }, (_, i) => f(i));
 col.he = map((i) => Math.hypot(col.e[i], col.nn[i]));
 col.ve = map((i) => Math.abs(col.u[i]));
+const stateOrder = ["nominal", "excluded", "alert", "unavailable"];
 const some = (a) => a.some((v) => v === v);
 
 // An interval longer than this between epochs is a gap and breaks a line.

@@ -125,11 +125,30 @@ function stripPanel(parent, spec) {
           g.fillRect(x0, y + inset, Math.max(1, x1 - x0), rowHeight - 2 * inset);
         }
       }
+      if (row.text) nameRow(g, b, row, y + rowHeight / 2 + 0.5);
       g.restore();
     });
     frame(g, p);
     overlay(g, p);
   };
+  // The name of a row where no bar of it is, if there is such a place.
+  function nameRow(g, b, row, y) {
+    g.font = font(11);
+    g.textAlign = "left";
+    const room = g.measureText(row.text).width + 16;
+    const bars = row.layers.flatMap((layer) => layer.ranges)
+      .map(([from, to]) => [xOf(p, T[from]), Math.max(xOf(p, T[to - 1] + step), xOf(p, T[from]) + 1)])
+      .filter(([x0, x1]) => x1 > b.x && x0 < b.x + b.w)
+      .sort((a, c) => a[0] - c[0]);
+    let free = b.x;
+    for (const [x0, x1] of bars) { if (x0 - free >= room) break; free = Math.max(free, x1); }
+    const x = free + room <= b.x + b.w ? free + 8 : b.x + 8;
+    g.lineWidth = 3;
+    g.strokeStyle = colour.paper;
+    g.strokeText(row.text, x, y);
+    g.fillStyle = colour.ink;
+    g.fillText(row.text, x, y);
+  }
   p.read = (i) => { value.textContent = i === null ? "" : spec.read(i); };
   panels.push(p);
 }

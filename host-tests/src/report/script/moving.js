@@ -1,6 +1,6 @@
 // ---- moving about -------------------------------------------------------------------------
 const output = document.getElementById("cursor");
-const help = output.textContent;
+const help = [...output.childNodes];
 const resetButton = document.getElementById("reset");
 const scaleButton = document.getElementById("scale");
 let drag = null;
@@ -20,7 +20,7 @@ function setCursor(i) {
   for (const p of panels) p.read(i);
   output.replaceChildren();
   if (i === null) {
-    output.textContent = help;
+    output.replaceChildren(...help);
   } else {
     const time = document.createElement("b");
     time.textContent = clock(T[i], timeDigits);
@@ -194,6 +194,13 @@ scaleButton.addEventListener("click", () => {
 });
 const recolour = () => { readColours(); drawAll(); };
 window.addEventListener("resize", redraw);
-for (const query of ["(prefers-color-scheme: dark)", "print"]) window.matchMedia(query).addEventListener("change", recolour);
-window.addEventListener("afterprint", recolour);
+window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recolour);
+const paper = (is) => {
+  onPaper = is;
+  document.documentElement.classList.toggle("paper", is);
+  if (is) setCursor(null);
+  recolour();
+};
+window.addEventListener("beforeprint", () => paper(true));
+window.addEventListener("afterprint", () => paper(false));
 recolour();

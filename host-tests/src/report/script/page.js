@@ -1,21 +1,20 @@
 // ---- the page -----------------------------------------------------------------------------
 const main = document.getElementById("panels");
-const stateOrder = ["nominal", "excluded", "alert", "unavailable"];
 const stateRows = stateOrder.map((s) => {
   const k = D.states.indexOf(s);
   return { label: s === "unavailable" ? "unavail." : s, layers: [{ css: s, ranges: k < 0 ? [] : rangesWhere((i) => col.state[i] === k), inset: 2 }] };
 });
-// Reasons have rows a, b, … below the states; the caption says which is which.
-const reasonNames = [];
+// Reasons have rows of their own below the states.
+let reasons = 0;
 D.reasons.forEach((r, k) => {
   if (r === "none" || r === "") return;
-  const letter = String.fromCharCode(97 + reasonNames.length);
-  stateRows.push({ label: letter, rule: !reasonNames.length, layers: stateOrder.map((s) => ({ css: s, ranges: rangesWhere((i) => col.reason[i] === k && D.states[col.state[i]] === s), inset: 3 })) });
-  reasonNames.push(letter + "\u2002" + words(r));
+  const layers = stateOrder.map((s) => ({ css: s, ranges: rangesWhere((i) => col.reason[i] === k && D.states[col.state[i]] === s), inset: 3 }));
+  stateRows.push({ label: reasons ? "" : "reason", text: words(r), rule: !reasons, layers });
+  reasons++;
 });
 const reasonAt = (i) => { const r = D.reasons[col.reason[i]]; return r === "none" || r === "" ? "" : words(r); };
 stripPanel(main, {
-  name: "Integrity by state and reason", rowHeight: 15, rows: stateRows, legend: reasonNames,
+  name: "Integrity by state and reason", rowHeight: 15, rows: stateRows,
   read: (i) => D.states[col.state[i]] + (reasonAt(i) ? ": " + reasonAt(i) : ""),
 });
 

@@ -50,9 +50,14 @@ function addKey(caption, text, cssColour, kind) {
   return value;
 }
 
+// Paper is drawn before it is laid out, for the width of A4 within its margins; its style sheet scales that to what
+// the paper is. A picture that changed its size while pages are counted would push the last ones off.
+let onPaper = false;
+const PAPER = 686, PAPER_GAP = 24;
+const widthOf = (p) => !onPaper ? p.canvas.clientWidth : p.figure.parentElement.className.includes("pair") ? (PAPER - PAPER_GAP) / 2 : PAPER;
 function prepare(p) {
-  const ratio = window.devicePixelRatio || 1;
-  const width = p.canvas.clientWidth, height = p.height;
+  const ratio = onPaper ? 2 : window.devicePixelRatio || 1;
+  const width = widthOf(p), height = p.height;
   p.canvas.style.height = height + "px";
   p.canvas.width = Math.round(width * ratio);
   p.canvas.height = Math.round(height * ratio);

@@ -106,7 +106,7 @@ function satellitePanel(parent, spec) {
       s.save();
       s.beginPath(); s.rect(b.x, b.y, b.w, b.h); s.clip();
       s.lineJoin = "round";
-      s.globalAlpha = skies.sats.length > 12 ? 0.65 : 0.9;
+      s.globalAlpha = skies.each > 1 ? 0.35 : skies.sats.length > 12 ? 0.65 : 0.9;
       s.lineWidth = 1;
       for (const sat of skies.sats) { s.strokeStyle = colour[sat.css]; s.beginPath(); trace(s, spec.get(sat)); s.stroke(); }
       s.globalAlpha = 1;

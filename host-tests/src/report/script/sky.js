@@ -3,7 +3,6 @@ function skyPanel(parent) {
   const p = makeFigure(parent, "Sky plot", "azimuth and elevation");
   p.canvas.setAttribute("aria-label", "sky plot: azimuth and elevation of the satellites");
   p.figure.className = "still";
-  p.height = 440;
   p.own = true;
   systemKeys(p.caption);
   if (skies.sats.some((s) => s.out.length)) addKey(p.caption, "excluded, from – to", "alert", "");
@@ -53,8 +52,9 @@ function skyPanel(parent) {
   }
 
   p.draw = () => {
+    p.height = placeHeight(p);
     const g = prepare(p);
-    const width = p.canvas.clientWidth;
+    const width = widthOf(p);
     centre = { x: width / 2, y: p.height / 2, r: Math.max(20, Math.min(width / 2 - 26, p.height / 2 - 20)) };
     const from = Math.max(0, Math.floor(lower(view[0]) / skies.each)), to = Math.min(skies.B, skyBin(Math.min(N - 1, lower(view[1]))) + 1);
     const usedIn = (s, k) => (used.get(s.id) || []).some(([a, b]) => a < (k + 1) * skies.each && b > k * skies.each);

@@ -6,13 +6,15 @@ const track = D.track && (() => {
   return { e, n, h, te, tn, th };
 })();
 
+// As high as wide, within what a page has room for.
+const placeHeight = (p) => Math.round(Math.min(440, Math.max(280, widthOf(p) * 0.95)));
+
 function trackPanel(parent) {
   const p = makeFigure(parent, "Track, local grid", "m");
   p.canvas.setAttribute("aria-label", "track, east and north of the first position in metres");
   p.figure.className = "map";
-  p.height = 440;
   p.own = true;
-  for (const s of D.states) addKey(p.caption, s, s, "");
+  for (const s of stateOrder) if (D.states.includes(s)) addKey(p.caption, s, s, "");
   // What is in sight: centre and metres per pixel; null shows all of it.
   let sight = null;
   const bounds = (() => {
@@ -95,7 +97,8 @@ function trackPanel(parent) {
     const width = second - first;
     g.font = font(11);
     g.lineWidth = 1;
-    const text = (v) => (Math.abs(v) >= 1e4 && width >= 1000 ? signed(v / 1000) + " km" : signed(Number(v.toFixed(3))));
+    const inKm = width >= 1000;
+    const text = (v) => (v && inKm ? signed(v / 1000) + " km" : signed(Number(v.toFixed(3))));
     for (let k = Math.ceil((s.e - half.e) / width); k * width <= s.e + half.e; k++) {
       const x = Math.round(xy(k * width, 0)[0]) + 0.5;
       g.strokeStyle = k ? colour.grid : colour.line;
@@ -120,19 +123,24 @@ function trackPanel(parent) {
   function scaleBar(g, width) {
     const b = p.box, px = width / now().scale, x = b.x + b.w - 14 - px, y = b.y + b.h - 14;
     const text = width >= 1000 ? width / 1000 + " km" : Number(width.toPrecision(3)) + " m";
-    g.fillStyle = colour.paper;
-    g.globalAlpha = 0.8;
-    g.fillRect(x - 6, y - 18, px + 12, 26);
-    g.globalAlpha = 1;
-    g.strokeStyle = g.fillStyle = colour.ink;
-    g.lineWidth = 1.5;
-    g.beginPath(); g.moveTo(x, y - 4); g.lineTo(x, y); g.lineTo(x + px, y); g.lineTo(x + px, y - 4); g.stroke();
+    const bar = (css, thick) => {
+      g.strokeStyle = colour[css];
+      g.lineWidth = thick;
+      g.beginPath(); g.moveTo(x, y - 4); g.lineTo(x, y); g.lineTo(x + px, y); g.lineTo(x + px, y - 4); g.stroke();
+    };
+    bar("paper", 4);
+    bar("ink", 1.5);
     g.font = font(11);
     g.textAlign = "center"; g.textBaseline = "bottom";
+    g.lineWidth = 3;
+    g.strokeStyle = colour.paper;
+    g.strokeText(text, x + px / 2, y - 3);
+    g.fillStyle = colour.ink;
     g.fillText(text, x + px / 2, y - 3);
   }
 
   p.draw = () => {
+    p.height = placeHeight(p);
     const g = prepare(p), b = p.box;
     const byState = (i) => D.states[col.state[i]];
     const clip = (g) => { g.save(); g.beginPath(); g.rect(b.x, b.y, b.w, b.h); g.clip(); };
@@ -142,6 +150,13 @@ function trackPanel(parent) {
       g.lineJoin = "round";
       const [from, to] = visible();
       const all = view[0] === whole[0] && view[1] === whole[1];
+      // The truth lies under the positions, but for that of a fixed antenna.
+      if (D.truth && !isCloud) {
+        g.lineWidth = 1;
+        g.setLineDash([4, 3]);
+        line(g, track.te, track.tn, from, to, () => "ink");
+        g.setLineDash([]);
+      }
       if (isCloud) {
         if (!all) { g.globalAlpha = 0.3; dots(g, 0, N, () => "faint"); g.globalAlpha = 1; }
         dots(g, from, to, byState);
@@ -156,11 +171,6 @@ function trackPanel(parent) {
         g.strokeStyle = colour.ink;
         g.lineWidth = 1.5;
         g.beginPath(); g.moveTo(x - 8, y); g.lineTo(x + 8, y); g.moveTo(x, y - 8); g.lineTo(x, y + 8); g.stroke();
-      } else if (D.truth) {
-        g.lineWidth = 1;
-        g.setLineDash([4, 3]);
-        line(g, track.te, track.tn, from, to, () => "ink");
-        g.setLineDash([]);
       }
       scaleBar(g, width);
       g.restore();
