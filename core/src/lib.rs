@@ -15,7 +15,7 @@
 //! | [`ekf`] | the error-state filter: shared transition, compressed update, the tightly coupled navigator |
 //! | [`mhss`] | the bank of filters without one and two satellites: detection, isolation, exclusion, levels |
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels; ARAIM |
-//! | [`integrity`] | phases of flight, reasons, the verdict |
+//! | [`integrity`] | phases of flight, reasons, the verdict, how long an alert lasts |
 //! | [`config`] | what a user chooses before the first byte |
 //! | [`ingest`], [`report`], [`bank_report`] | checked messages to domain types; verdict and tests of the bank to output messages |
 //! | [`budget`] | the stages of an epoch and what each may cost |
@@ -48,6 +48,7 @@ pub mod linalg;
 pub mod mhss;
 pub mod monitor;
 pub mod raim;
+mod readmission;
 pub mod report;
 mod rhythm;
 pub mod snapshot;

@@ -21,9 +21,11 @@ use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satelli
 use crate::ingest::{Event, Ingest};
 use crate::ins::{InertialConfig, IntakeCounters};
 use crate::integrity::{
-    InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel, Reason, Verdict, opinion,
+    AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
+    Reason, Verdict, opinion,
 };
 use crate::mhss::protection::SNAPSHOT_FALSE_ALERT_SHARE;
+use crate::readmission::{self, Readmission};
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
@@ -63,6 +65,8 @@ pub struct Monitor {
     rhythm: Rhythm,
     first_epoch: Option<GpsTime>,
     refused_configurations: u32,
+    alerts: Alerts,
+    readmission: Readmission,
     /// How the two opinions on the last epoch stand to each other, where there were two.
     opinions: Option<Opinions>,
 }
@@ -80,6 +84,8 @@ impl Monitor {
         rhythm: Rhythm::UNKNOWN,
         first_epoch: None,
         refused_configurations: 0,
+        alerts: Alerts::STARTING,
+        readmission: Readmission::NOBODY,
         opinions: None,
     };
 
@@ -94,6 +100,7 @@ impl Monitor {
         self.ingest.configure(config);
         self.tight.choose_systems(config);
         let requirements = config.phase.requirements();
+        self.alerts.configure(&requirements);
         if self
             .tight
             .reallocate(&requirements)
@@ -204,6 +211,8 @@ impl Monitor {
                 let shift_ns = i64::from(shift_weeks).wrapping_mul(NS_PER_WEEK);
                 self.first_epoch = self.first_epoch.map(|time| time.plus_ns(shift_ns));
                 self.rhythm.shift(shift_ns);
+                self.alerts.shift(shift_ns);
+                self.readmission.shift();
                 self.tight.shift(shift_ns);
                 None
             }
@@ -274,6 +283,10 @@ impl Monitor {
         if !self.ledger.end_epoch() {
             withdraw(&mut report.verdict);
         }
+        // A scenario folder says of each epoch what the filters say, and nothing of those before.
+        if self.pending != Pending::Corrected {
+            self.alerts.step(&mut report.verdict, report.time);
+        }
         report
     }
 
@@ -285,15 +298,27 @@ impl Monitor {
         let epoch_begin = counter.now();
         let epoch = self.ingest.epoch();
         let with_bank = memory.is_some();
-        if with_bank {
-            self.snapshot.leave_out(self.tight.excluded());
-        }
+        let of_bank = if with_bank {
+            self.tight.excluded()
+        } else {
+            SatelliteSet::EMPTY
+        };
+        let of_snapshot = self.readmission.excluded();
+        self.snapshot
+            .leave_out(readmission::union(of_snapshot, of_bank));
         let assessment = self.snapshot.assess(
             epoch,
             &self.store,
             &self.ionosphere,
             &mut self.ledger,
             counter,
+        );
+        self.readmission
+            .observe(epoch.time, &assessment, &self.snapshot);
+        // With those excluded before the bank ran.
+        let named = readmission::union(
+            readmission::without(of_snapshot, of_bank),
+            assessment.excluded_here,
         );
         let mut report = report_of(epoch, &assessment);
         let begin = counter.now();
@@ -304,7 +329,7 @@ impl Monitor {
             Some(memory) => self.tight.on_epoch_with_bank(
                 epoch.time,
                 self.snapshot.workspace_mut(),
-                assessment.excluded_here,
+                named,
                 tested.as_ref(),
                 memory,
                 &mut meter,
@@ -317,6 +342,10 @@ impl Monitor {
                 tested.as_ref(),
             ),
         };
+        if with_bank && tight.is_some() {
+            self.readmission
+                .adopt(readmission::union(self.tight.excluded(), named));
+        }
         match &tight {
             Some(tight) => {
                 let separation_m = assessment
@@ -442,6 +471,7 @@ impl Monitor {
     pub fn miss_deadline(&mut self, report: &mut EpochReport) {
         if report.verdict.hpl != ProtectionLevel::Unavailable(NoBound::DeadlineMissed) {
             self.ledger.miss();
+            self.alerts.miss();
         }
         withdraw(&mut report.verdict);
     }
@@ -477,6 +507,11 @@ impl Monitor {
             report.level_m = opinion.levels_m;
         }
         true
+    }
+
+    /// What the user has been told by now.
+    pub const fn alert_state(&self) -> AlertState {
+        self.alerts.state()
     }
 
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.

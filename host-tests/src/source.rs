@@ -28,7 +28,7 @@ use surefix_core::ins::{ImuSample, InertialConfig, InitialState, ReferenceModel}
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::crc::crc24q;
-use surefix_core::wire::native;
+use surefix_core::wire::{native, scanner, ubx};
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
 use crate::imu::{self, Pending, Recorded};
@@ -106,11 +106,12 @@ pub struct Stream {
 enum Format {
     Rinex,
     Rtcm3,
+    Ubx,
     Native,
 }
 
 /// More than the longest frame of any kind.
-const FILLER_BYTES: usize = 2 * native::MAX_FRAME;
+const FILLER_BYTES: usize = 2 * scanner::MAX_FRAME;
 
 /// How far into a file frames are looked for.
 const SEARCHED_BYTES: usize = 1 << 20;
@@ -139,22 +140,19 @@ fn has_native_frame(bytes: &[u8]) -> bool {
         .any(|(k, pair)| pair == b"SF" && native::Frame::parse(&bytes[k..]).is_ok())
 }
 
-/// Whether there is a frame of u-blox UBX with its checksum: two sync bytes, class, identifier,
-/// length, content, and the two sums of RFC 1145 from class to content.
+/// Whether there are observations or navigation messages of a u-blox receiver.
 fn has_ubx_frame(bytes: &[u8]) -> bool {
+    find_ubx(bytes, |message| {
+        message == ubx::RXM_RAWX || message == ubx::RXM_SFRBX
+    })
+}
+
+/// Whether there is a UBX frame of a wanted message.
+fn find_ubx(bytes: &[u8], is_wanted: impl Fn([u8; 2]) -> bool) -> bool {
     let searched = &bytes[..bytes.len().min(SEARCHED_BYTES)];
-    searched.windows(6).enumerate().any(|(k, head)| {
-        let length = usize::from(head[4]) | usize::from(head[5]) << 8;
-        let summed = bytes.get(k + 2..k + 6 + length);
-        let sent = bytes.get(k + 6 + length..k + 8 + length);
-        head.starts_with(&[0xb5, 0x62])
-            && summed.zip(sent).is_some_and(|(summed, sent)| {
-                let (a, b) = summed.iter().fold((0_u8, 0_u8), |(a, b), byte| {
-                    let a = a.wrapping_add(*byte);
-                    (a, b.wrapping_add(a))
-                });
-                sent == [a, b]
-            })
+    searched.windows(2).enumerate().any(|(k, pair)| {
+        pair == ubx::PREAMBLE
+            && ubx::Frame::parse(&bytes[k..]).is_ok_and(|(frame, _)| is_wanted(frame.message))
     })
 }
 
@@ -166,25 +164,31 @@ fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
     if rinex::looks_like_rinex(bytes) {
         return Ok(Format::Rinex);
     }
+    // RAWX first: a u-blox receiver may pass on RTCM 3 of a reference station.
+    if has_ubx_frame(bytes) {
+        return Ok(Format::Ubx);
+    }
     if has_rtcm3_frame(bytes) {
         return Ok(Format::Rtcm3);
     }
     if has_native_frame(bytes) {
         return Ok(Format::Native);
     }
-    let next = "give RTCM 3, or RINEX 3 or 4 observations (plain, .gz or .crx)";
+    if find_ubx(bytes, |_| true) {
+        return Ok(Format::Ubx);
+    }
+    let next = "give u-blox UBX, RTCM 3, or RINEX 3 or 4 observations (plain, .gz or .crx)";
     if bytes.starts_with(&[0x1f, 0x9d]) {
         bail!("{name} is compressed with Unix compress (.Z): expand it with `uncompress` first");
     }
     if bytes.starts_with(b"PK\x03\x04") {
         bail!("{name} is a ZIP archive: unpack it first");
     }
-    if has_ubx_frame(bytes) {
-        bail!(
-            "{name} looks like u-blox UBX, which is not read yet: convert it to RINEX, for example with RTKLIB convbin, or {next}"
-        );
-    }
-    if bytes.starts_with(b"$G") {
+    let head = &bytes[..bytes.len().min(1000)];
+    if head
+        .windows(3)
+        .any(|w| w.starts_with(b"$G") && w[2].is_ascii_uppercase())
+    {
         bail!("{name} looks like NMEA, which holds positions but no observations: {next}");
     }
     let start: String = String::from_utf8_lossy(&bytes[..bytes.len().min(40)])
@@ -266,9 +270,13 @@ pub fn decode(
     let mut navigation = Navigation::read(nav, &mut info)?;
     match format {
         Format::Rinex => decode_rinex(bytes, gnss, &mut navigation, &mut info, take)?,
-        Format::Rtcm3 | Format::Native => {
+        Format::Rtcm3 | Format::Ubx | Format::Native => {
             decode_frames(&bytes, config, &mut navigation, &mut info, take);
             info.format = frames_format(format).into();
+            if format == Format::Ubx {
+                // A station in the stream of a u-blox receiver is the one that sends it corrections.
+                info.station = None;
+            }
         }
     }
     Ok(info)
@@ -277,6 +285,7 @@ pub fn decode(
 fn frames_format(format: Format) -> &'static str {
     match format {
         Format::Rtcm3 => "RTCM 3",
+        Format::Ubx => "u-blox UBX",
         Format::Native => "surefix native frames",
         Format::Rinex => "RINEX",
     }
@@ -440,12 +449,20 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
 
 /// Counters of what was used or is of no concern to surefix; every other one that is not zero
 /// means that input was lost.
-const NO_LOSS: [&str; 16] = [
+const NO_LOSS: [&str; 24] = [
     "rtcm_frames",
     "native_frames",
+    "ubx_frames",
     "nmea_lines",
     "rtcm_unsupported",
     "rtcm_unknown",
+    "ubx_unsupported",
+    "rawx_without_week",
+    "rawx_used",
+    "subframes_unsupported",
+    "subframes_used",
+    "observations_of_other_systems",
+    "observations_of_another_source",
     "msm_used",
     "msm_skipped",
     "ephemerides",

@@ -5,9 +5,12 @@
 //! | surefix's own `truth.csv` | `t_s` or `week,tow_s`; `x_m,y_m,z_m` or `px,py,pz` |
 //! | Spirent position, velocity, attitude | `GpsCycle,GpsWeek,GpsToW [s],Pos ECEF X [m],…` |
 //! | RTKLIB `.pos` | GPST as date and time or week and seconds; latitude, longitude, height or ECEF |
+//! | u-blox UBX | NAV-PVT with carrier-phase ambiguities resolved, height above the ellipsoid |
 //!
 //! Between rows at most 0.25 s apart a track is interpolated linearly: at 1 g that errs by
 //! 8 cm; rows farther apart answer only at their own times.
+
+mod ubx;
 
 use std::path::Path;
 
@@ -66,12 +69,18 @@ impl Truth {
     /// # Errors
     /// When the file cannot be read or is of none of the forms above.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
+        let bytes = crate::rinex::read_unzipped(path)
             .with_context(|| format!("cannot read the truth file {}", path.display()))?;
-        let (is_gps_time, mut rows) = if text.starts_with('%') {
-            (true, rtklib_rows(&text)?)
+        let (is_gps_time, mut rows) = if ubx::looks_like_ubx(&bytes) {
+            (true, ubx::rows(&bytes)?)
         } else {
-            csv_rows(&text)?
+            let text = String::from_utf8(bytes)
+                .with_context(|| format!("the truth file {} is no text", path.display()))?;
+            if text.starts_with('%') {
+                (true, rtklib_rows(&text)?)
+            } else {
+                csv_rows(&text)?
+            }
         };
         if rows.is_empty() {
             bail!("{} holds no position", path.display());

@@ -8,7 +8,7 @@ use surefix_core::budget::{Ledger, NoCounter};
 use surefix_core::config::{Config, IonosphereModel, NoisePreset};
 use surefix_core::gnss::satellite::SystemSet;
 use surefix_core::gnss::{BroadcastIonosphere, EphemerisStore, System};
-use surefix_core::integrity::Integrity;
+use surefix_core::integrity::{Integrity, Phase};
 use surefix_core::snapshot::SnapshotMonitor;
 use surefix_core::time::NS_PER_S;
 use surefix_host_tests::campaign::{self, StepsOptions};
@@ -227,6 +227,29 @@ fn steps_on_a_real_sky_are_found_and_the_right_satellites_taken_out() {
         cell.largest_ratio = whole.largest_ratio;
     }
     assert_eq!(merged.cells, result.cells);
+}
+
+/// Limits and risks differ by phase, and so do the thresholds where risks do.
+/// INT-063.
+#[test]
+fn a_day_at_esbjerg_raises_no_alert_in_any_phase_of_flight() {
+    let Some((observations, navigation)) = esbc() else {
+        return;
+    };
+    for phase in Phase::ALL {
+        let options = ReplayOptions {
+            nav: vec![navigation.clone()],
+            config: Config { phase, ..gps_bds() },
+            ..ReplayOptions::new(&observations)
+        };
+        let result = run(&options);
+        print(phase.name(), &result);
+        assert_eq!(result.reports.len(), 2880);
+        for report in &result.reports {
+            assert_ne!(report.verdict.integrity, Integrity::Alert);
+            assert!(report.verdict.excluded.is_empty());
+        }
+    }
 }
 
 /// [P1] section 2 puts six impulses of 3σ = 12 m on a day of

@@ -180,8 +180,14 @@ const GALILEO_PAIRS: &[Choice] = &[
     pair(b"1C", b"7X", INAV_ONLY),
     pair(b"1B", b"7I", INAV_ONLY),
 ];
-/// B1I, by in-phase or combined tracking. B1C has no group delay in the messages decoded.
-const BDS_SINGLE: &[Choice] = &[single(b"2I", BDS), single(b"2X", BDS)];
+/// B1I, by in-phase or combined tracking; B3I, whose ionosphere is 1.5 times that of L1, for receivers of
+/// the modern signals. B1C and B2a have no group delay in the messages decoded.
+const BDS_SINGLE: &[Choice] = &[
+    single(b"2I", BDS),
+    single(b"2X", BDS),
+    single(b"6I", BDS),
+    single(b"6X", BDS),
+];
 /// B3I first: all BDS satellites have it, B2I only the second generation.
 const BDS_PAIRS: &[Choice] = &[
     pair(b"2I", b"6I", BDS),

@@ -324,6 +324,37 @@ impl SnapshotWorkspace {
             .map(|row| row.sky.sigma)
     }
 
+    /// A satellite above the mask that a solution of this epoch left out, as a row of its linear model: the
+    /// derivatives, measured minus predicted, m, and the sigma. `None` where the solution has no clock of its
+    /// constellation.
+    pub fn left_out(
+        &self,
+        satellite: Satellite,
+        solution: &SnapshotSolution,
+    ) -> Option<([f64; MAX_UNKNOWNS], f64, RowSigma)> {
+        let row = self
+            .rows
+            .iter()
+            .find(|row| row.measurement.satellite == satellite && row.sky.above_mask)?;
+        let system = satellite.system().index();
+        let clock_m = solution.clock_m.get(system).copied().flatten()?;
+        let earlier = solution.clock_m.iter().take(system).flatten().count();
+        let measurement = &row.measurement;
+        let geometry = range_geometry(measurement.r_e_m, solution.r_e_m);
+        let c_enu_e = geodesy::c_enu_e(solution.llh.lat_rad, solution.llh.lon_rad);
+        let u_enu = c_enu_e * Vector3::from(geometry.line_of_sight_e);
+        let mut design = [0.0; MAX_UNKNOWNS];
+        for (entry, u) in design.iter_mut().zip(u_enu.iter()) {
+            *entry = -u;
+        }
+        *design.get_mut(earlier.saturating_add(3))? = 1.0;
+        let residual_m = measurement.pseudorange_m + measurement.clock_m
+            - row.sky.delay_m
+            - geometry.range_m
+            - clock_m;
+        Some((design, residual_m, row.sky.sigma))
+    }
+
     fn used(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.state == RowState::Used)
     }

@@ -14,10 +14,12 @@ use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
 use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch};
 use crate::time::{GPST_MINUS_BDT_S, GpsTime, NS_PER_S, NS_PER_WEEK};
+use crate::wire::broadcast::{Collected, Collector, Subframe, SubframeError};
 use crate::wire::counters::count;
 use crate::wire::native::{Frame, Kind};
 use crate::wire::rtcm3::header::EpochTime;
 use crate::wire::rtcm3::{BroadcastEphemeris, ContentError, Message, Msm, MsmHeader};
+use crate::wire::ubx::{self, Rawx};
 use crate::wire::{Counters, Scanned};
 
 /// So many epochs before the last one, each later than the one before it and none on time between
@@ -49,6 +51,20 @@ enum Place {
     Before,
 }
 
+/// A receiver may send its observations twice, as MSM and as RXM-RAWX, and pass on those of a reference
+/// station, with other clocks and from another place. Epochs are made from one source, until it has
+/// been silent for so long by the time of the other, ns.
+const SOURCE_SILENT_NS: u64 = 5 * NS_PER_S.unsigned_abs();
+
+/// What epochs are made from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Observer {
+    /// Multiple signal messages.
+    Msm,
+    /// RXM-RAWX.
+    Rawx,
+}
+
 /// The epochs being put together, and the week.
 #[derive(Clone, Debug)]
 pub(super) struct Assembler {
@@ -62,6 +78,12 @@ pub(super) struct Assembler {
     late: LateEpochs,
     weeks: WeekResolver,
     corrected: CorrectedAssembler,
+    /// Where observations come from, and when they last did.
+    observer: Option<(Observer, GpsTime)>,
+    /// Parts of navigation messages.
+    subframes: Collector,
+    /// The ephemeris of a frame that will be given again.
+    held: Option<BroadcastEphemeris>,
 }
 
 /// Epochs that came after a later one, in a row.
@@ -101,6 +123,9 @@ impl Assembler {
         late: LateEpochs::NONE,
         weeks: WeekResolver::EMPTY,
         corrected: CorrectedAssembler::EMPTY,
+        observer: None,
+        subframes: Collector::EMPTY,
+        held: None,
     };
 
     pub(super) const fn epoch(&self) -> &ObservationEpoch {
@@ -169,7 +194,138 @@ impl Assembler {
                     Outcome::Used
                 }
             },
+            Scanned::Ubx(frame) => match self.take_ubx(&frame, counters) {
+                Ok(outcome) => outcome,
+                Err(error) => {
+                    count(match error {
+                        ubx::PayloadError::WeekUnknown => &mut counters.rawx_without_week,
+                        ubx::PayloadError::Length
+                        | ubx::PayloadError::Version { .. }
+                        | ubx::PayloadError::TimeOfWeek { .. } => &mut counters.ubx_refused,
+                    });
+                    Outcome::Used
+                }
+            },
         }
+    }
+
+    /// Whether epochs are made from what `observer` says at `time`. The first one is followed, and another
+    /// one when it has fallen silent; one of the two may not know the week yet.
+    fn follows(&mut self, observer: Observer, time: GpsTime, counters: &mut Counters) -> bool {
+        if let Some((followed, last)) = self.observer
+            && followed != observer
+            && GpsTime::nearest(time.tow_ns(), last)
+                .ns()
+                .abs_diff(last.ns())
+                <= SOURCE_SILENT_NS
+        {
+            count(&mut counters.observations_of_another_source);
+            return false;
+        }
+        self.observer = Some((observer, time));
+        true
+    }
+
+    fn take_ubx(
+        &mut self,
+        frame: &ubx::Frame<'_>,
+        counters: &mut Counters,
+    ) -> Result<Outcome, ubx::PayloadError> {
+        match frame.message {
+            ubx::RXM_RAWX if !frame.payload.is_empty() => {
+                Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters))
+            }
+            ubx::RXM_SFRBX if !frame.payload.is_empty() => {
+                Ok(self.take_subframe(&ubx::sfrbx::parse(frame.payload)?, counters))
+            }
+            _ => {
+                count(&mut counters.ubx_unsupported);
+                Ok(Outcome::Used)
+            }
+        }
+    }
+
+    fn take_subframe(&mut self, subframe: &Subframe<'_>, counters: &mut Counters) -> Outcome {
+        // The frame comes again after an event that its ephemeris waits for: its words are counted once.
+        if let Some(broadcast) = self.held.take() {
+            return self.take_collected(&broadcast, counters);
+        }
+        let Collected {
+            ephemeris,
+            klobuchar,
+        } = match self.subframes.take(subframe) {
+            Ok(collected) => collected,
+            Err(error) => {
+                count(match error {
+                    SubframeError::Unsupported => &mut counters.subframes_unsupported,
+                    SubframeError::Satellite
+                    | SubframeError::Length
+                    | SubframeError::Parity
+                    | SubframeError::Checksum
+                    | SubframeError::Preamble
+                    | SubframeError::Number
+                    | SubframeError::Time
+                    | SubframeError::IllegalValue => &mut counters.subframes_refused,
+                });
+                return Outcome::Used;
+            }
+        };
+        count(&mut counters.subframes_used);
+        let klobuchar = klobuchar
+            .as_ref()
+            .map(convert::klobuchar)
+            .map(Event::Klobuchar);
+        match (ephemeris, klobuchar) {
+            (None, None) => Outcome::Used,
+            (None, Some(event)) => Outcome::UsedGives(event),
+            (Some(broadcast), None) => self.take_collected(&broadcast, counters),
+            (Some(broadcast), Some(event)) => {
+                self.held = Some(broadcast);
+                Outcome::FirstGives(event)
+            }
+        }
+    }
+
+    fn take_collected(
+        &mut self,
+        broadcast: &BroadcastEphemeris,
+        counters: &mut Counters,
+    ) -> Outcome {
+        let outcome = self.take_broadcast(broadcast, counters);
+        if matches!(outcome, Outcome::FirstGives(_)) {
+            self.held = Some(*broadcast);
+        }
+        outcome
+    }
+
+    fn take_rawx(&mut self, rawx: &Rawx<'_>, counters: &mut Counters) -> Outcome {
+        let time = convert::ubx_time(rawx);
+        if !self.follows(Observer::Rawx, time, counters) {
+            return Outcome::Used;
+        }
+        let shift_weeks = self.weeks.learn_epoch(time);
+        if let Some(event) = self.week_learnt(shift_weeks) {
+            return Outcome::FirstGives(event);
+        }
+        match self.place(time, counters) {
+            Place::After => return Outcome::FirstGives(Event::EpochReady),
+            Place::Before => return Outcome::Used,
+            Place::Inside => {}
+        }
+        count(&mut counters.rawx_used);
+        self.epoch.flags.clock_reset = rawx.clock_reset;
+        for measurement in rawx.measurements() {
+            match convert::ubx_observation(&measurement) {
+                Ok((satellite, observation)) => {
+                    if let Err(reason) = self.epoch.add(satellite, observation) {
+                        count_not_added(reason, counters);
+                    }
+                }
+                Err(reason) => count_no_observation(reason, counters),
+            }
+        }
+        self.close(counters);
+        Outcome::UsedGives(Event::EpochReady)
     }
 
     fn take_rtcm3(&mut self, message: &Message<'_>, counters: &mut Counters) -> Outcome {
@@ -210,6 +366,9 @@ impl Assembler {
         ) else {
             return Outcome::Used;
         };
+        if !self.follows(Observer::Msm, time, counters) {
+            return Outcome::Used;
+        }
         // A sender from before the standard gives GPST where BDT belongs. Its time must not be
         // believed, nor may it break the epoch in two.
         let is_bdt = matches!(header.epoch, EpochTime::Bdt(_));
@@ -233,11 +392,7 @@ impl Assembler {
                         count_not_added(reason, counters);
                     }
                 }
-                Err(reason) => count(match reason {
-                    NoObservation::UnknownSatellite => &mut counters.unknown_satellites,
-                    NoObservation::UnknownSignal => &mut counters.unknown_signals,
-                    NoObservation::InvalidPseudorange => &mut counters.invalid_pseudoranges,
-                }),
+                Err(reason) => count_no_observation(reason, counters),
             },
         );
         self.end_unless(header.more_follow, counters)
@@ -428,6 +583,15 @@ impl Assembler {
         group.add_to(&mut self.epoch, |reason| count_not_added(reason, counters));
         self.end_unless(self.next_group < group.groups, counters)
     }
+}
+
+fn count_no_observation(reason: NoObservation, counters: &mut Counters) {
+    count(match reason {
+        NoObservation::UnknownSatellite => &mut counters.unknown_satellites,
+        NoObservation::UnknownSignal => &mut counters.unknown_signals,
+        NoObservation::InvalidPseudorange => &mut counters.invalid_pseudoranges,
+        NoObservation::OtherSystem => &mut counters.observations_of_other_systems,
+    });
 }
 
 fn count_not_added(reason: NotAdded, counters: &mut Counters) {

@@ -1,10 +1,16 @@
-//! RTCM 3 values to domain types.
+//! Values of RTCM 3 and UBX to domain types.
 
+use super::payload::{MAX_CN0_DBHZ, MAX_RANGE, MAX_RATE_MPS};
 use super::week::WeekResolver;
-use crate::gnss::{Ephemeris, NavMessage, Satellite, Signal, SignalObservation, System};
-use crate::time::GpsTime;
+use crate::consts::SPEED_OF_LIGHT_MPS;
+use crate::gnss::{
+    Ephemeris, KlobucharParameters, NavMessage, Satellite, Signal, SignalObservation, System,
+};
+use crate::time::{GpsTime, NS_PER_S};
+use crate::wire::broadcast::BroadcastKlobuchar;
 use crate::wire::rtcm3::signals::rinex_name;
 use crate::wire::rtcm3::{BroadcastEphemeris, Cell, Constellation, Source};
+use crate::wire::ubx::{Measurement, Rawx};
 
 /// π of the interface documents, which angles in semicircles are to be multiplied with.
 /// [IS-GPS-200] 20.3.3.4.3.3, [GAL-OS-SIS-ICD] 5.1.1, [BDS-SIS-ICD-B1I] 5.2.4.
@@ -37,6 +43,7 @@ pub(super) enum NoObservation {
     UnknownSatellite,
     UnknownSignal,
     InvalidPseudorange,
+    OtherSystem,
 }
 
 /// One cell of an MSM as an observation.
@@ -67,6 +74,107 @@ pub(super) fn observation(
         .carrier_to_noise
         .map(|sixteenths| f32::from(sixteenths) / 16.0);
     Ok((satellite, observation))
+}
+
+/// Names of a system's signals by the sigId of UBX. [UBX-F9-HPG] 1.5.4, names as in [RINEX-3.05] tables
+/// 4 to 9.
+const fn ubx_signal(system: System, sig_id: u8) -> Option<[u8; 2]> {
+    Some(match (system, sig_id) {
+        (System::Gps, 0) => *b"1C",
+        (System::Gps, 3) => *b"2L",
+        (System::Gps, 4) => *b"2S",
+        (System::Gps, 6) => *b"5I",
+        (System::Gps, 7) => *b"5Q",
+        (System::Galileo, 0) => *b"1C",
+        (System::Galileo, 1) => *b"1B",
+        (System::Galileo, 3) => *b"5I",
+        (System::Galileo, 4) => *b"5Q",
+        (System::Galileo, 5) => *b"7I",
+        (System::Galileo, 6) => *b"7Q",
+        (System::Galileo, 8) => *b"6B",
+        (System::Galileo, 9) => *b"6C",
+        (System::Galileo, 10) => *b"6A",
+        // Two numbers for one signal: with the D1 message, and with the D2 message of a GEO.
+        (System::Bds, 0 | 1) => *b"2I",
+        (System::Bds, 2 | 3) => *b"7I",
+        (System::Bds, 4 | 10) => *b"6I",
+        (System::Bds, 5) => *b"1P",
+        (System::Bds, 6) => *b"1D",
+        (System::Bds, 7) => *b"5P",
+        (System::Bds, 8) => *b"5D",
+        _ => return None,
+    })
+}
+
+/// The system of a gnssId surefix navigates with.
+pub(super) const fn ubx_system(gnss_id: u8) -> Option<System> {
+    match gnss_id {
+        0 => Some(System::Gps),
+        2 => Some(System::Galileo),
+        3 => Some(System::Bds),
+        _ => None,
+    }
+}
+
+/// One measurement of RXM-RAWX as an observation.
+///
+/// The range rate is −λD, in f64 from the f32 of the message. A number beyond what
+/// [`crate::ingest::encode_observations`] can carry is none.
+pub(super) fn ubx_observation(
+    measurement: &Measurement,
+) -> Result<(Satellite, SignalObservation), NoObservation> {
+    let system = ubx_system(measurement.gnss_id).ok_or(NoObservation::OtherSystem)?;
+    let satellite =
+        Satellite::new(system, measurement.sv_id).ok_or(NoObservation::UnknownSatellite)?;
+    let signal = ubx_signal(system, measurement.sig_id)
+        .and_then(|[band, attribute]| Signal::new(band, attribute))
+        .ok_or(NoObservation::UnknownSignal)?;
+    let is_range = |value: &f64| *value > 0.0 && *value <= MAX_RANGE;
+    let pseudorange_m = measurement
+        .pseudorange_m
+        .filter(is_range)
+        .ok_or(NoObservation::InvalidPseudorange)?;
+    let mut observation = SignalObservation::new(signal);
+    observation.pseudorange_m = Some(pseudorange_m);
+    observation.carrier_phase_cycles = measurement
+        .carrier_phase_cycles
+        .filter(|cycles| libm::fabs(*cycles) <= MAX_RANGE);
+    observation.range_rate_mps = measurement
+        .doppler_hz
+        .zip(signal.frequency_hz(system))
+        .map(|(doppler_hz, frequency_hz)| {
+            -f64::from(doppler_hz) * (SPEED_OF_LIGHT_MPS / frequency_hz)
+        })
+        .filter(|rate_mps| libm::fabs(*rate_mps) <= MAX_RATE_MPS);
+    observation.cn0_dbhz = measurement
+        .cn0_dbhz
+        .map(f32::from)
+        .filter(|cn0_dbhz| *cn0_dbhz <= MAX_CN0_DBHZ);
+    Ok((satellite, observation))
+}
+
+/// Receiver time of RXM-RAWX, to the nanosecond.
+pub(super) fn ubx_time(rawx: &Rawx<'_>) -> GpsTime {
+    // At most 6.1e14 ns: exact in f64 and far inside i64.
+    let tow_ns = libm::rint(rawx.tow_s * NS_PER_S as f64) as i64;
+    GpsTime::from_week_tow_ns(i32::from(rawx.week), tow_ns)
+}
+
+/// Ionosphere parameters of a navigation message; their units are those of the domain already.
+pub(super) const fn klobuchar(broadcast: &BroadcastKlobuchar) -> KlobucharParameters {
+    KlobucharParameters {
+        system: system_of_source(broadcast.source),
+        alpha: broadcast.alpha,
+        beta: broadcast.beta,
+    }
+}
+
+const fn system_of_source(source: Source) -> System {
+    match source {
+        Source::GpsLnav => System::Gps,
+        Source::BdsD1D2 => System::Bds,
+        Source::GalileoFnav | Source::GalileoInav => System::Galileo,
+    }
 }
 
 /// One sigma of an accuracy index of GPS or BDS, m; `None` for 15, no prediction of accuracy.

@@ -116,7 +116,7 @@ pub(super) const MAX_RANGE: f64 = 1e10;
 /// Largest range rate, m/s.
 pub(super) const MAX_RATE_MPS: f64 = 1e6;
 /// Largest carrier-to-noise density, dB-Hz: the field of MSM6 and MSM7 ends at 63.9375.
-const MAX_CN0_DBHZ: f32 = 100.0;
+pub(super) const MAX_CN0_DBHZ: f32 = 100.0;
 
 /// `value` if its magnitude is at most `limit`; NaN refuses.
 pub(super) fn within(value: f64, limit: f64) -> Result<f64, PayloadError> {

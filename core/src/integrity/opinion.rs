@@ -93,7 +93,9 @@ fn vote(snapshot: &Verdict) -> Vote {
             | Reason::ImplausibleClock
             | Reason::ReceiverSilent
             | Reason::NotMonitored
-            | Reason::RiskSpent,
+            | Reason::RiskSpent
+            | Reason::AlertHeld
+            | Reason::Settling,
         ) => Vote::Objects,
     }
 }

@@ -94,6 +94,10 @@ pub enum Reason {
     /// Hypotheses without a filter have spent the integrity risk: there is no level, as after a fault of two
     /// satellites at once or of a constellation.
     RiskSpent = 14,
+    /// A test failed not long ago, and no satellite was excluded for it.
+    AlertHeld = 15,
+    /// The levels have not been within their limits for long enough since one was not.
+    Settling = 16,
 }
 
 /// Why there is no protection level.
@@ -115,6 +119,8 @@ pub enum NoBound {
     DeadlineMissed = 5,
     /// Faults that no filter stands for are likelier than the integrity risk allows.
     RiskSpent = 6,
+    /// A detected fault is no longer seen, and was not excluded.
+    AlertHeld = 7,
 }
 
 impl NoBound {
@@ -128,6 +134,7 @@ impl NoBound {
             4 => Self::NotFinite,
             5 => Self::DeadlineMissed,
             6 => Self::RiskSpent,
+            7 => Self::AlertHeld,
             _ => return None,
         })
     }
@@ -322,7 +329,7 @@ impl InertialStatus {
 
 impl Reason {
     /// Every reason, in the order of its number in a report frame.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 17] = [
         Self::None,
         Self::TooFewSatellites,
         Self::NoRedundancy,
@@ -338,6 +345,8 @@ impl Reason {
         Self::ReceiverSilent,
         Self::NotMonitored,
         Self::RiskSpent,
+        Self::AlertHeld,
+        Self::Settling,
     ];
 
     /// Name in files.
@@ -358,6 +367,8 @@ impl Reason {
             Self::ReceiverSilent => "receiver_silent",
             Self::NotMonitored => "not_monitored",
             Self::RiskSpent => "risk_spent",
+            Self::AlertHeld => "alert_held",
+            Self::Settling => "settling",
         }
     }
 

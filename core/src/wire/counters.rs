@@ -41,6 +41,8 @@ counters! {
     rtcm_frames,
     /// Native frames with a right checksum.
     native_frames,
+    /// UBX frames with a right checksum.
+    ubx_frames,
     /// NMEA lines passed over.
     nmea_lines,
     /// Bytes that belong to no frame and no NMEA line.
@@ -55,6 +57,12 @@ counters! {
     native_other_version,
     /// Native preambles whose length field is too large.
     native_too_long,
+    /// UBX frames with a wrong checksum.
+    ubx_bad_checksum,
+    /// UBX preambles whose length field says more than any message has.
+    ubx_too_long,
+    /// UBX preambles whose length field cannot be that of their message.
+    ubx_bad_length,
     /// Frames that the end of the stream cut off.
     cut_off_frames,
     /// RTCM 3 frames without content.
@@ -73,6 +81,20 @@ counters! {
     native_unknown_kind,
     /// Native frames whose payload was refused.
     native_refused,
+    /// UBX messages that are not used here.
+    ubx_unsupported,
+    /// UBX messages refused for their version, their length or a time that is none.
+    ubx_refused,
+    /// RXM-RAWX from before the receiver knew the week: no epochs.
+    rawx_without_week,
+    /// RXM-RAWX that gave an epoch.
+    rawx_used,
+    /// Words of navigation messages that are not used here, or of other systems.
+    subframes_unsupported,
+    /// Words of navigation messages whose parity, checksum or preamble is wrong.
+    subframes_refused,
+    /// Words of navigation messages used.
+    subframes_used,
     /// MSM of systems surefix navigates with.
     msm_used,
     /// MSM of other systems, or without pseudoranges to the millimetre: read for the end of the epoch.
@@ -95,6 +117,10 @@ counters! {
     satellites_lost,
     /// Observations of signals a satellite had no place for.
     signals_lost,
+    /// Observations of systems surefix does not navigate with, by a receiver that sends all in one message.
+    observations_of_other_systems,
+    /// Messages with observations by another means than those the epochs are made from.
+    observations_of_another_source,
     /// Epochs put together.
     epochs,
     /// Epochs of these that lack messages.

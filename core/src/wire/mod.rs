@@ -5,11 +5,13 @@
 //! What a view accepts and a value refuses is counted by reason.
 
 pub mod bits;
+pub mod broadcast;
 pub mod counters;
 pub mod crc;
 pub mod native;
 pub mod rtcm3;
 pub mod scanner;
+pub mod ubx;
 
 pub use counters::Counters;
 pub use scanner::{Scanned, Scanner};

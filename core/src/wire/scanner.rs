@@ -1,5 +1,5 @@
-//! One stream of bytes in, checked frames out: RTCM 3 and native frames in any mixture, with NMEA
-//! lines and noise between, in chunks of any size.
+//! One stream of bytes in, checked frames out: UBX, RTCM 3 and native frames in any mixture, with
+//! NMEA lines and noise between, in chunks of any size.
 //!
 //! Every position of the stream is tried as the start of a frame until one passes its checksum;
 //! after a false start the search goes on with the very next byte, so a good frame that begins
@@ -7,7 +7,8 @@
 //! cut into chunks.
 //!
 //! Cost: each byte of a frame goes through a checksum once. A false start costs one checksum more, of
-//! at most 1034 bytes; in noise one byte in 2¹⁴ starts one (preamble and six zero bits).
+//! at most 1034 bytes; in noise one byte in 2¹⁴ starts one (preamble and six zero bits). A false start
+//! of UBX, one byte in 2¹⁶, may cost 8184 bytes, and wait for them.
 //!
 //! An RTCM 3 frame is `0xD3`, six reserved bits (zero), a 10-bit length, that many bytes, and the
 //! CRC-24Q of all of it. [RTCM-3] 4.2
@@ -15,9 +16,12 @@
 use super::counters::{Counters, count};
 use super::crc::crc24q;
 use super::native::{self, FrameError};
+use super::ubx;
 
 /// First byte of an RTCM 3 frame.
 const RTCM_PREAMBLE: u8 = 0xD3;
+/// First byte of a UBX frame.
+const UBX_PREAMBLE: u8 = ubx::PREAMBLE[0];
 /// Bytes before the content of an RTCM 3 frame.
 const RTCM_HEADER_LEN: usize = 3;
 /// Bytes after it.
@@ -25,10 +29,13 @@ const RTCM_TRAILER_LEN: usize = 3;
 /// Longest RTCM 3 frame, bytes.
 pub const RTCM_MAX_FRAME: usize = RTCM_HEADER_LEN + 1023 + RTCM_TRAILER_LEN;
 
-/// Two frames: while one is held the next arrives, and what is left of a frame is moved to the
-/// front at most once per frame.
-const CAPACITY: usize = 2 * native::MAX_FRAME;
-const _: () = assert!(native::MAX_FRAME >= RTCM_MAX_FRAME);
+/// Longest frame of any kind, bytes.
+pub const MAX_FRAME: usize = ubx::MAX_FRAME;
+const _: () = assert!(MAX_FRAME >= native::MAX_FRAME && MAX_FRAME >= RTCM_MAX_FRAME);
+
+/// The longest frame, and two of the others: while one of these is held the next arrives, and what is
+/// left is moved to the front after so many bytes at the earliest.
+const CAPACITY: usize = MAX_FRAME + 2 * native::MAX_FRAME;
 
 /// Longest text between `$` or `!` and its line end that is taken for an NMEA line, bytes. NMEA 0183
 /// says 82 in all; receivers send longer ones.
@@ -41,12 +48,15 @@ pub enum Scanned<'a> {
     Rtcm3(&'a [u8]),
     /// A native frame.
     Native(native::Frame<'a>),
+    /// A frame of a u-blox receiver.
+    Ubx(ubx::Frame<'a>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Found {
     Rtcm3 { len: usize },
     Native { len: usize },
+    Ubx { len: usize },
 }
 
 /// What the bytes from some position on are.
@@ -126,6 +136,7 @@ impl Scanner {
                     match found {
                         Found::Rtcm3 { .. } => count(&mut counters.rtcm_frames),
                         Found::Native { .. } => count(&mut counters.native_frames),
+                        Found::Ubx { .. } => count(&mut counters.ubx_frames),
                     }
                     self.leave_line(counters);
                     self.found = Some(found);
@@ -155,12 +166,15 @@ impl Scanner {
             Found::Native { len } => {
                 native::Frame::from_checked(unused.get(..len)?).map(Scanned::Native)
             }
+            Found::Ubx { len } => ubx::Frame::from_checked(unused.get(..len)?).map(Scanned::Ubx),
         }
     }
 
     /// Done with the frame [`Scanner::find`] found.
     pub fn release(&mut self) {
-        if let Some(Found::Rtcm3 { len } | Found::Native { len }) = self.found.take() {
+        if let Some(Found::Rtcm3 { len } | Found::Native { len } | Found::Ubx { len }) =
+            self.found.take()
+        {
             self.start = self.start.saturating_add(len);
         }
     }
@@ -174,6 +188,7 @@ impl Scanner {
         match byte {
             RTCM_PREAMBLE => self.rtcm3_here(counters),
             native::PREAMBLE_1 => self.native_here(counters),
+            UBX_PREAMBLE => self.ubx_here(counters),
             _ => Start::False,
         }
     }
@@ -218,6 +233,22 @@ impl Scanner {
         }
     }
 
+    fn ubx_here(&self, counters: &mut Counters) -> Start {
+        match ubx::Frame::parse(self.unused()) {
+            Ok((_, len)) => Start::Frame(Found::Ubx { len }),
+            Err(ubx::FrameError::Incomplete) => Start::NotYet,
+            Err(error) => {
+                match error {
+                    ubx::FrameError::TooLong { .. } => count(&mut counters.ubx_too_long),
+                    ubx::FrameError::BadLength { .. } => count(&mut counters.ubx_bad_length),
+                    ubx::FrameError::BadChecksum => count(&mut counters.ubx_bad_checksum),
+                    ubx::FrameError::NoPreamble | ubx::FrameError::Incomplete => {}
+                }
+                Start::False
+            }
+        }
+    }
+
     /// Passes over one byte that starts no frame: part of an NMEA line, or noise.
     fn pass(&mut self, byte: u8, counters: &mut Counters) {
         self.start = self.start.saturating_add(1);
@@ -251,7 +282,7 @@ impl Scanner {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::wire::native::{Kind, MAX_FRAME, encode};
+    use crate::wire::native::{Kind, encode};
     use std::vec::Vec;
 
     fn rtcm3(content: &[u8]) -> Vec<u8> {
@@ -267,9 +298,19 @@ mod tests {
     }
 
     fn native_frame(byte: u8) -> Vec<u8> {
-        let mut out = [0; MAX_FRAME];
+        let mut out = [0; native::MAX_FRAME];
         let len = encode(Kind::Report, &mut out, |w| w.put_bytes(&[byte; 40])).unwrap();
         out[..len].to_vec()
+    }
+
+    fn ubx_frame(message: [u8; 2], payload: &[u8]) -> Vec<u8> {
+        let mut frame = ubx::PREAMBLE.to_vec();
+        frame.extend(message);
+        frame.extend((payload.len() as u16).to_le_bytes());
+        frame.extend(payload);
+        let sums = ubx::checksum(&frame[2..]);
+        frame.extend(sums);
+        frame
     }
 
     /// The contents found when the stream arrives in chunks of the given size, and the counts.
@@ -281,6 +322,7 @@ mod tests {
                 contents.push(match scanner.frame().unwrap() {
                     Scanned::Rtcm3(content) => content.to_vec(),
                     Scanned::Native(frame) => frame.payload().to_vec(),
+                    Scanned::Ubx(frame) => frame.payload.to_vec(),
                 });
                 scanner.release();
             }
@@ -306,9 +348,17 @@ mod tests {
         stream.extend(rtcm3(&[]));
         stream.extend(b"SF\x02SF\x01\x02\xff\xff$GPTXT");
         stream.extend(rtcm3(&[4; 700]));
+        stream.extend(ubx_frame([1, 7], &[6; 92]));
+        stream.extend(ubx_frame([0x0A, 0x31], &[7; 8176]));
+        stream.extend([0xB5, 0x62, 0x02, 0x15, 0x31, 0x00]);
+        stream.extend([0xB5, 0x62, 0x01, 0x35, 0xF1, 0x1F]);
+        let mut damaged = ubx_frame([1, 7], &[6; 92]);
+        damaged[50] ^= 4;
+        stream.extend(&damaged);
+        stream.extend(ubx_frame([1, 7], &[]));
         stream.extend(&rtcm3(&[5; 19])[..10]);
         let (contents, counters) = scan(&stream, stream.len());
-        assert_eq!(contents.len(), 5);
+        assert_eq!(contents.len(), 8);
         assert_eq!(contents[1], [2; 40]);
         assert_eq!((counters.rtcm_frames, counters.native_frames), (4, 1));
         assert_eq!(counters.nmea_lines, 1);
@@ -316,8 +366,17 @@ mod tests {
         assert_eq!(counters.native_too_long, 2);
         assert_eq!(counters.rtcm_reserved_bits, 1);
         assert_eq!(counters.cut_off_frames, 1);
-        assert_eq!(counters.noise_bytes, 6 + 14 + 9 + 6 + 10);
-        for chunk in (1..70).chain([1000, 1029, 1034, 2067, 2068, 2069]) {
+        assert_eq!(counters.ubx_frames, 3);
+        assert_eq!(
+            [
+                counters.ubx_bad_checksum,
+                counters.ubx_bad_length,
+                counters.ubx_too_long
+            ],
+            [1, 1, 1]
+        );
+        assert_eq!(counters.noise_bytes, 6 + 14 + 9 + 6 + 6 + 6 + 100 + 10);
+        for chunk in (1..70).chain([1000, 1029, 1034, 2067, 2068, 2069, 8183, 8184, 8185]) {
             assert_eq!(
                 scan(&stream, chunk),
                 (contents.clone(), counters),
@@ -344,7 +403,7 @@ mod tests {
         let first = rtcm3(&[1; 1023]);
         assert_eq!(scanner.feed(&first), first.len());
         assert!(scanner.find(&mut counters));
-        let more = scanner.feed(&[0xAA; 5000]);
+        let more = scanner.feed(&[0xAA; 2 * CAPACITY]);
         assert_eq!(more, CAPACITY - first.len());
         assert_eq!(scanner.feed(&[0xAA; 5000]), 0, "full while it holds");
         assert!(scanner.find(&mut counters));

@@ -158,14 +158,27 @@ fn snapshot(epoch: &ObservationEpoch) {
         SatelliteSet::EMPTY,
     );
     black_box(SnapshotMonitor::workspace_mut(black_box(&mut monitor)));
-    black_box(SnapshotMonitor::assess(
+    let assessment = SnapshotMonitor::assess(
         black_box(&mut monitor),
         black_box(epoch),
         black_box(&store),
         black_box(&ionosphere),
         black_box(&mut ledger),
         &mut NoCounter,
-    ));
+    );
+    if let (Some(solution), Some(satellite)) = (
+        black_box(assessment).solution,
+        Satellite::from_index(black_box(0)),
+    ) {
+        let workspace = monitor.workspace();
+        call3(SnapshotWorkspace::left_out, workspace, satellite, &solution);
+        call3(
+            SnapshotMonitor::disagreement,
+            &monitor,
+            satellite,
+            &solution,
+        );
+    }
 }
 
 fn monitor(bytes: &[u8], out: &mut [u8]) {
@@ -181,6 +194,7 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
     call1(Monitor::tight, &monitor);
     call1(Monitor::opinions, &monitor);
+    call1(Monitor::alert_state, &monitor);
     call1(Monitor::epoch_interval_ns, &monitor);
     let mut report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
     call2(Monitor::miss_deadline, &mut monitor, &mut report);

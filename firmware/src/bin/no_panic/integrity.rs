@@ -1,11 +1,12 @@
 //! `integrity`.
 
-use crate::call::{call1, call2, call3};
+use crate::call::{call1, call2, call3, call4};
 use surefix_core::gnss::SatelliteSet;
 use surefix_core::integrity::{
-    BankOpinion, InertialStatus, Integrity, Mode, NoBound, Opinions, Phase, ProtectionLevel,
-    Reason, Verdict, opinion,
+    AlertEvent, AlertState, Alerts, BankOpinion, InertialStatus, Integrity, Mode, NoBound,
+    Opinions, Phase, ProtectionLevel, Reason, Verdict, opinion,
 };
+use surefix_core::time::GpsTime;
 
 pub fn all() {
     call1(Phase::name, Phase::Npa);
@@ -36,4 +37,19 @@ pub fn all() {
     call3(opinion::combine, &verdict, &bank, Some([0.0; 2]));
     call1(Opinions::name, Opinions::Agree);
     call1(Opinions::from_u8, 0);
+    call4(
+        AlertState::after,
+        AlertState::Starting,
+        AlertEvent::Passed,
+        0,
+        0,
+    );
+    let mut alerts = Alerts::STARTING;
+    let requirements = Phase::requirements(Phase::Npa);
+    call2(Alerts::configure, &mut alerts, &requirements);
+    call2(Alerts::shift, &mut alerts, 0);
+    let mut verdict = verdict;
+    call3(Alerts::step, &mut alerts, &mut verdict, GpsTime::from_ns(0));
+    call1(Alerts::miss, &mut alerts);
+    call1(Alerts::state, &alerts);
 }
