@@ -44,7 +44,7 @@ use crate::simulate::inertial::clock::ReceiverClock;
 use crate::simulate::noise::normal;
 use crate::simulate::receiver::{Epoch, cn0_dbhz};
 use crate::simulate::signal_path::{Platform, SignalPath, channels};
-use crate::simulate::stream::Stream;
+use crate::simulate::stream::{Format, Stream};
 use crate::track::Track;
 
 /// Satellites are taken from this elevation on, degrees: above the usual mask with room for a slope.
@@ -352,7 +352,7 @@ pub fn synthesise(args: &Args) -> Result<Hybrid> {
         .iter()
         .map(|t| t.ephemeris.satellite.to_string())
         .collect();
-    let mut stream = Stream::new(Ionosphere::None, false);
+    let mut stream = Stream::new(Format::Rtcm3, Ionosphere::None, false);
     for number in 0..count {
         let label = start.plus_ns(number as i64 * interval_ns);
         let t_s = number as f64 * interval_s;

@@ -1,6 +1,7 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
 pub mod araim;
+pub mod broadcast_encode;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
@@ -22,6 +23,7 @@ pub mod source;
 pub mod static_imu;
 pub mod track;
 pub mod truth;
+pub mod ubx_encode;
 
 /// The example of the README, compiled and run.
 #[cfg(doctest)]

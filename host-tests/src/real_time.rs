@@ -33,6 +33,7 @@ use crate::simulate::atmosphere::Ionosphere;
 use crate::simulate::flight::Flight;
 use crate::simulate::inertial::{self, board};
 use crate::simulate::sky;
+use crate::simulate::stream::Format;
 use line::{BAUD, Line, merge, pieces};
 use told::Told;
 
@@ -145,6 +146,7 @@ fn prepare(args: &Args) -> Result<Line> {
         dual_frequency: false,
         ionosphere: Ionosphere::Klobuchar,
         troposphere: true,
+        format: Format::Rtcm3,
     };
     let config = Config {
         reference_week: Some(sky::WEEK as u16),

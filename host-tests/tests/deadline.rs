@@ -7,7 +7,7 @@ use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, NoBound, ProtectionLevel, Reason};
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::EpochReport;
-use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
+use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight, stream::Format};
 
 /// A clock on which every stage takes longer than a whole epoch may.
 struct Slow {
@@ -33,10 +33,11 @@ fn stream() -> Vec<u8> {
         dual_frequency: false,
         no_troposphere: false,
         ionosphere: Ionosphere::Klobuchar,
+        receiver: Format::Rtcm3,
         faults: vec!["G04:step:300:10:100".parse().unwrap()],
     })
     .unwrap()
-    .rtcm3
+    .receiver
 }
 
 fn reports(bytes: &[u8], counter: &mut impl CycleCounter) -> (Vec<EpochReport>, u32) {

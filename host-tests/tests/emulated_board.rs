@@ -12,7 +12,7 @@ use surefix_core::report;
 use surefix_core::wire::Counters;
 use surefix_core::wire::native::{self, Frame, Kind};
 use surefix_host_tests::qemu::{self, Options, Outcome, QemuError, image};
-use surefix_host_tests::simulate::{self, flight::Flight};
+use surefix_host_tests::simulate::{self, flight::Flight, stream::Format};
 
 /// Builds an image; `None`, said aloud, where the chip's target or QEMU is missing.
 fn board(features: &[&str]) -> Option<PathBuf> {
@@ -55,10 +55,11 @@ fn simulated() -> Vec<u8> {
         dual_frequency: false,
         no_troposphere: false,
         ionosphere: simulate::atmosphere::Ionosphere::None,
+        receiver: Format::Rtcm3,
         faults: Vec::new(),
     })
     .unwrap();
-    simulation.rtcm3
+    simulation.receiver
 }
 
 /// The report frames of the monitor on this machine, and its counters.

@@ -24,11 +24,13 @@ use surefix_host_tests::simulate::inertial::measurements::{
 use surefix_host_tests::simulate::inertial::sensors::Grade;
 use surefix_host_tests::simulate::inertial::{Request, Scenario, fly};
 use surefix_host_tests::simulate::sky::WEEK;
+use surefix_host_tests::simulate::stream::Format;
 
 const RADIO: Radio = Radio {
     dual_frequency: false,
     ionosphere: Ionosphere::None,
     troposphere: true,
+    format: Format::Rtcm3,
 };
 
 /// Every flight with an inertial unit.
@@ -48,7 +50,7 @@ fn short(flight: Flight, duration_s: u32) -> Request {
 fn written(name: &str, scenario: &Scenario) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).unwrap();
-    for (name, text) in files(scenario) {
+    for (name, text) in files(scenario, Format::Rtcm3) {
         std::fs::write(folder.join(name), text).unwrap();
     }
     folder
@@ -211,7 +213,7 @@ fn every_flight_runs_and_its_folder_is_what_the_format_asks() {
 
 fn everything(request: &Request) -> Vec<Vec<u8>> {
     let flown = fly(request).unwrap();
-    let mut all: Vec<Vec<u8>> = files(&flown)
+    let mut all: Vec<Vec<u8>> = files(&flown, Format::Rtcm3)
         .into_iter()
         .map(|(_, text)| text.into_bytes())
         .collect();

@@ -16,7 +16,7 @@ use surefix_host_tests::output::epochs_csv;
 use surefix_host_tests::qemu::image;
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
-use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
+use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight, stream::Format};
 use surefix_host_tests::truth::Truth;
 
 /// Replays on both machines, compares the files, and gives the result of this one; `None`, said
@@ -102,6 +102,7 @@ fn an_approach_with_a_faulty_satellite() {
         dual_frequency: false,
         no_troposphere: false,
         ionosphere: Ionosphere::Klobuchar,
+        receiver: Format::Rtcm3,
         faults: vec!["G04:ramp:0.5:90:200".parse().unwrap()],
     })
     .unwrap();

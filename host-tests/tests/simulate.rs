@@ -18,6 +18,7 @@ use surefix_host_tests::simulate::atmosphere::Ionosphere;
 use surefix_host_tests::simulate::flight::{Flight, c_e_enu};
 use surefix_host_tests::simulate::orbit::{clock_offset_s, position_frozen_e};
 use surefix_host_tests::simulate::sky::{Sky, WEEK, galileo_fnav};
+use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{Args, epochs, simulate};
 
 fn args(name: Flight, seed: u64) -> Args {
@@ -31,6 +32,7 @@ fn args(name: Flight, seed: u64) -> Args {
         dual_frequency: true,
         no_troposphere: false,
         ionosphere: Ionosphere::None,
+        receiver: Format::Rtcm3,
         faults: Vec::new(),
     }
 }
@@ -43,7 +45,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_others() {
     assert_eq!(first, simulate(&short).unwrap());
     short.seed = 8;
     let other = simulate(&short).unwrap();
-    assert_ne!(first.rtcm3, other.rtcm3);
+    assert_ne!(first.receiver, other.receiver);
 }
 
 /// Fowler, Noll and Vo's hash 1a of 64 bits.
@@ -62,7 +64,7 @@ fn the_bytes_of_a_simulation_stay_what_they_were() {
         ..args(Flight::Approach, 3)
     })
     .unwrap();
-    assert_eq!(fnv1a(&simulated.rtcm3), 0xa18e_8e07_556a_c48b);
+    assert_eq!(fnv1a(&simulated.receiver), 0xa18e_8e07_556a_c48b);
     assert_eq!(fnv1a(simulated.truth_csv.as_bytes()), 0x8c30_d920_022e_8924);
 }
 
@@ -90,7 +92,7 @@ fn ephemerides_of_the_sky_are_what_their_bits_hold() {
 fn simulated_bytes_decode_to_the_simulated_observables() {
     for flight in [Flight::Approach, Flight::Static] {
         let args = args(flight, 3);
-        let bytes = simulate(&args).unwrap().rtcm3;
+        let bytes = simulate(&args).unwrap().receiver;
         let mut iterator = MsgFrameIter::new(&bytes);
         let mut frames = &mut iterator;
         let mut compared = 0;
@@ -273,7 +275,7 @@ fn a_noise_free_fix_is_within_a_centimetre() {
                 duration: (flight == Flight::Static).then_some(60.0),
                 ..args(flight, 11)
             };
-            let bytes = simulate(&args).unwrap().rtcm3;
+            let bytes = simulate(&args).unwrap().receiver;
             let reports = reports(&bytes, &config_for(&args));
             let truth: Vec<_> = epochs(&args).unwrap().collect();
             assert_eq!(reports.len(), truth.len());
@@ -317,7 +319,7 @@ fn a_change_of_ephemeris_does_not_move_a_noise_free_fix() {
         duration: Some(10_800.0),
         ..args(Flight::Static, 4)
     };
-    let reports = reports(&simulate(&args).unwrap().rtcm3, &config_for(&args));
+    let reports = reports(&simulate(&args).unwrap().receiver, &config_for(&args));
     let truth: Vec<_> = epochs(&args).unwrap().collect();
     let issues: BTreeSet<_> = truth
         .iter()
@@ -340,7 +342,7 @@ fn decoded_ephemerides_are_the_simulated_ones() {
     let mut args = args(Flight::Static, 2);
     args.duration = Some(0.5);
     let simulated = &epochs(&args).unwrap().next().unwrap().ephemerides;
-    let bytes = simulate(&args).unwrap().rtcm3;
+    let bytes = simulate(&args).unwrap().receiver;
     let mut ingest = Box::new(Ingest::EMPTY);
     let mut rest = &bytes[..];
     let mut decoded = 0;

@@ -1,10 +1,11 @@
-//! The simulator: a sky, a flight, a receiver, and the RTCM 3 bytes it would send.
+//! The simulator: a sky, a flight, a receiver, and the RTCM 3 or UBX bytes it would send.
 //!
 //! `surefix simulate NAME --seed N --out DIR` writes
 //!
 //! | file | content |
 //! |---|---|
 //! | `receiver.rtcm3` | MSM7 1077, 1097, 1127 per epoch, ephemerides 1019, 1042, 1045, 1046, station 1006 |
+//! | or `receiver.ubx` | RXM-RAWX per epoch, RXM-SFRBX per subframe or page |
 //! | `truth.csv` | antenna position and velocity in Earth-fixed axes, one row per epoch |
 //! | `scenario.toml` | what was simulated |
 //!
@@ -32,7 +33,7 @@ use atmosphere::Ionosphere;
 use flight::Flight;
 use inertial::sensors::Grade;
 use receiver::{Conditions, Epoch, Receiver};
-use stream::Stream;
+use stream::{Format, Stream};
 
 /// Time of week of the first epoch, s: ten minutes past a reference time of the ephemerides.
 const START_TOW_S: i64 = 274_200;
@@ -69,6 +70,9 @@ pub struct Args {
     /// Ionosphere; its parameters are sent in surefix's own frame, as MSM streams carry none.
     #[arg(long, value_enum, default_value_t = Ionosphere::None)]
     pub ionosphere: Ionosphere,
+    /// What the receiver writes.
+    #[arg(long, value_enum, default_value_t = Format::Rtcm3)]
+    pub receiver: Format,
     /// Fault on a satellite, `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`, for example G05:step:50:60:180.
     #[arg(long = "fault", value_name = "SPEC")]
     pub faults: Vec<FaultSpec>,
@@ -94,8 +98,8 @@ pub struct Command {
 /// What a simulation produced.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Simulation {
-    /// `receiver.rtcm3`.
-    pub rtcm3: Vec<u8>,
+    /// `receiver.rtcm3` or `receiver.ubx`.
+    pub receiver: Vec<u8>,
     /// `truth.csv`.
     pub truth_csv: String,
     /// `scenario.toml`.
@@ -112,7 +116,14 @@ pub fn conditions(args: &Args) -> Conditions {
         dual_frequency: args.dual_frequency,
         ionosphere: args.ionosphere,
         troposphere: !args.no_troposphere,
+        format: args.receiver,
     }
+}
+
+/// Label of the first epoch.
+fn first_epoch(args: &Args) -> GpsTime {
+    let start = GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S);
+    start.plus_ns(args.receiver.label_offset_ns())
 }
 
 /// The epochs that arguments ask for, faults included, before encoding.
@@ -132,7 +143,7 @@ pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
         bail!("--duration {duration_s} is not more than 0 and at most {MAX_DURATION_S} s");
     }
     let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;
-    let start = GpsTime::from_week_tow_s(sky::WEEK, START_TOW_S);
+    let start = first_epoch(args);
     let receiver = Receiver::new(
         track,
         conditions(args),
@@ -151,12 +162,12 @@ pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
 /// Simulates in memory.
 pub fn simulate(args: &Args) -> Result<Simulation> {
     let mut simulation = Simulation {
-        rtcm3: Vec::new(),
+        receiver: Vec::new(),
         truth_csv: "t_s,week,tow_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\n".to_owned(),
         scenario_toml: String::new(),
         epochs: 0,
     };
-    let mut stream = Stream::new(args.ionosphere, args.name == Flight::Static);
+    let mut stream = Stream::new(args.receiver, args.ionosphere, args.name == Flight::Static);
     let mut first = None;
     let mut coverage = FaultCoverage::new(&args.faults);
     for epoch in epochs(args)? {
@@ -168,7 +179,7 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
         coverage.see(&epoch.observations, time.seconds_since(start));
     }
     coverage.check()?;
-    simulation.rtcm3 = stream.bytes;
+    simulation.receiver = stream.bytes;
     simulation.scenario_toml = scenario_toml(args, simulation.epochs);
     Ok(simulation)
 }
@@ -218,7 +229,7 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
          seed = {}\n\
          epochs = {epochs}\n\
          rate_hz = {}\n\
-         first_epoch = {{ week = {}, tow_s = {START_TOW_S} }}   # GPST\n\
+         first_epoch = {{ week = {}, tow_s = {} }}   # GPST\n\
          threshold = {{ lat_deg = {latitude_deg}, lon_deg = {longitude_deg}, h_m = {height_m} }}\n\
          tracking_mask_deg = {}\n\
          signals = \"{}\"\n\
@@ -228,17 +239,18 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
          faults = [{faults}]   # T0 and T1 in s from the first epoch\n\
          \n\
          [files]\n\
-         receiver = \"receiver.rtcm3\"   # RTCM 3: MSM7, 1019, 1042, 1045, 1046, 1006\n\
+         receiver = \"{}\"   # {}\n\
          truth = \"truth.csv\"   # antenna at the instant of each measurement, Earth-fixed axes\n",
         args.name.name(),
         args.seed,
         args.rate_hz,
         sky::WEEK,
+        first_epoch(args).tow_s(),
         receiver::TRACKING_MASK_DEG,
-        if args.dual_frequency {
-            "GPS 1C 2W, Galileo 1C 7Q, BDS 2I 6I"
-        } else {
-            "GPS 1C, Galileo 1C, BDS 2I"
+        match (args.dual_frequency, args.receiver) {
+            (false, _) => "GPS 1C, Galileo 1C, BDS 2I",
+            (true, Format::Rtcm3) => "GPS 1C 2W, Galileo 1C 7Q, BDS 2I 6I",
+            (true, Format::Ubx) => "GPS 1C 2L, Galileo 1C 7Q, BDS 2I 6I",
         },
         match args.ionosphere {
             Ionosphere::None => "none",
@@ -250,6 +262,8 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
         } else {
             "Saastamoinen, standard atmosphere, relative humidity 0.7"
         },
+        args.receiver.file(),
+        args.receiver.content(),
     )
 }
 
@@ -275,17 +289,17 @@ pub fn run(args: &Args) -> Result<()> {
     write(
         &args.out,
         &[
-            ("receiver.rtcm3", &simulation.rtcm3),
+            (args.receiver.file(), &simulation.receiver),
             ("truth.csv", simulation.truth_csv.as_bytes()),
             ("scenario.toml", simulation.scenario_toml.as_bytes()),
         ],
     )?;
     println!(
-        "{}: {} epochs, {} bytes of RTCM 3 in {}",
+        "{}: {} epochs, {} bytes in {}",
         args.name.name(),
         simulation.epochs,
-        simulation.rtcm3.len(),
-        args.out.join("receiver.rtcm3").display()
+        simulation.receiver.len(),
+        args.out.join(args.receiver.file()).display()
     );
     Ok(())
 }
@@ -305,15 +319,16 @@ impl Command {
             dual_frequency: self.args.dual_frequency,
             ionosphere: self.args.ionosphere,
             troposphere: !self.args.no_troposphere,
+            format: self.args.receiver,
         };
         let receiver = inertial::board::receiver_bytes(&scenario, &radio)?;
         let imu = inertial::board::imu_bytes(&scenario)?;
-        let folder = inertial::folder::files(&scenario);
+        let folder = inertial::folder::files(&scenario, self.args.receiver);
         let mut files: Vec<(&str, &[u8])> = folder
             .iter()
             .map(|(name, text)| (*name, text.as_bytes()))
             .collect();
-        files.push(("receiver.rtcm3", &receiver));
+        files.push((self.args.receiver.file(), &receiver));
         files.push(("imu.sfx", &imu));
         write(&self.args.out, &files)?;
         println!(

@@ -13,8 +13,9 @@ use surefix_core::time::GpsTime;
 use super::atmosphere::{Ionosphere, ionosphere_m};
 use super::flight::{AntennaState, Track};
 use super::noise::{GaussMarkov, normal, uniform};
-use super::signal_path::{Platform, SignalPath, channels};
+use super::signal_path::{Platform, SignalPath};
 use super::sky::{Sky, issue_at};
+use super::stream::Format;
 
 /// Satellites below this elevation are not tracked, degrees.
 pub const TRACKING_MASK_DEG: f64 = 5.0;
@@ -40,6 +41,8 @@ pub struct Conditions {
     pub ionosphere: Ionosphere,
     /// The troposphere of Saastamoinen.
     pub troposphere: bool,
+    /// What the receiver writes, and so which signals it tracks.
+    pub format: Format,
 }
 
 /// One-sigma thermal noise of a pseudorange, m. [DO-229] J.2.4: 0.36 m at minimum signal level to
@@ -205,10 +208,12 @@ impl Iterator for Receiver {
             let tracked_since = *disturbance.tracked_since.get_or_insert(label);
             let system = ephemeris.satellite.system();
             let scale = if self.conditions.noise_free { 0.0 } else { 1.0 };
-            for (k, channel) in channels(system, self.conditions.dual_frequency)
-                .iter()
-                .enumerate()
-            {
+            let Conditions {
+                format,
+                dual_frequency,
+                ..
+            } = self.conditions;
+            for (k, channel) in format.channels(system, dual_frequency).iter().enumerate() {
                 // Short, because an aircraft's acceleration jumps where the level segment ends.
                 let step_s = 0.01;
                 let clean_m = way.clean_range_m(ephemeris, channel, label, 0.0);

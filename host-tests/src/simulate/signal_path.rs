@@ -39,7 +39,8 @@ pub struct Channel {
     group_delay_s: fn(&Ephemeris) -> f64,
 }
 
-/// The signals of a system: one, or two on different carriers.
+/// The signals of a system: one, or two on different carriers. The second of GPS is P(Y), which survey
+/// receivers track without its code; u-blox receivers have [`channels_of_ubx`].
 pub fn channels(system: System, dual_frequency: bool) -> Vec<Channel> {
     let signal = |band, attribute| Signal::new(band, attribute).expect("letters and digits");
     let mut all = match system {
@@ -83,6 +84,17 @@ pub fn channels(system: System, dual_frequency: bool) -> Vec<Channel> {
         ],
     };
     all.truncate(if dual_frequency { 2 } else { 1 });
+    all
+}
+
+/// As [`channels`], with L2C for the second signal of GPS, as late as P(Y).
+pub fn channels_of_ubx(system: System, dual_frequency: bool) -> Vec<Channel> {
+    let mut all = channels(system, dual_frequency);
+    for channel in &mut all {
+        if system == System::Gps && channel.signal.band() == b'2' {
+            channel.signal = Signal::new(b'2', b'L').expect("a digit and a letter");
+        }
+    }
     all
 }
 

@@ -21,8 +21,8 @@ use crate::simulate::flight::{AntennaState, Flight};
 use crate::simulate::inertial::measurements::Row;
 use crate::simulate::noise::normal;
 use crate::simulate::receiver::{self, PHASE_SIGMA_M, cn0_dbhz};
-use crate::simulate::signal_path::{Channel, Platform, SignalPath, channels};
-use crate::simulate::stream::Stream;
+use crate::simulate::signal_path::{Channel, Platform, SignalPath};
+use crate::simulate::stream::{Format, Stream};
 
 /// Random numbers of carrier phases and second signals.
 const STREAM_RECEIVER: u64 = (1 << 32) + 3;
@@ -43,6 +43,8 @@ pub struct Radio {
     pub ionosphere: Ionosphere,
     /// The troposphere of Saastamoinen.
     pub troposphere: bool,
+    /// What the receiver writes, and so which signals it tracks.
+    pub format: Format,
 }
 
 impl Platform for Scenario {
@@ -59,7 +61,9 @@ impl Platform for Scenario {
     }
 }
 
-/// `receiver.rtcm3`: epochs labelled with the receiver's own time, from t = 0 on.
+/// `receiver.rtcm3` or `receiver.ubx`: epochs labelled with the receiver's own time, from t = 0 on.
+///
+/// A u-blox receiver measures 2 ms earlier, with the noise and faults of the folder's epoch.
 ///
 /// # Errors
 /// When a message does not encode.
@@ -71,11 +75,14 @@ pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
     };
     let flight = scenario.request.flight;
     let fixed = matches!(flight, Flight::Static | Flight::StaticPerfect);
-    let mut stream = Stream::new(radio.ionosphere, fixed);
+    let mut stream = Stream::new(radio.format, radio.ionosphere, fixed);
     let mut random = random(scenario.request.seed, STREAM_RECEIVER);
     let mut tracked: Vec<(Satellite, GpsTime)> = Vec::new();
     for epoch in &scenario.epochs {
-        let label = scenario.start.plus_ns(libm::round(epoch.t_s * 1e9) as i64);
+        let since_start_ns = libm::round(epoch.t_s * 1e9) as i64;
+        let label = scenario
+            .start
+            .plus_ns(since_start_ns + radio.format.label_offset_ns());
         let in_view = |satellite| {
             epoch
                 .rows
@@ -99,10 +106,10 @@ pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
                     label
                 }
             };
-            for (number, channel) in channels(satellite.system(), radio.dual_frequency)
-                .iter()
-                .enumerate()
-            {
+            let channels = radio
+                .format
+                .channels(satellite.system(), radio.dual_frequency);
+            for (number, channel) in channels.iter().enumerate() {
                 let errors = if number == 0 {
                     (row.noise.0 + row.fault.0, row.noise.1 + row.fault.1)
                 } else {

@@ -9,6 +9,7 @@ use super::trajectory::quaternion;
 use super::{Scenario, fifteen_digits};
 use crate::faults::FaultKind;
 use crate::simulate::receiver::TRACKING_MASK_DEG;
+use crate::simulate::stream::Format;
 
 /// Shortest decimal that reads back as the number, with an exponent where it is small.
 fn shortest(value: f64) -> String {
@@ -171,7 +172,7 @@ pub fn faults_csv(scenario: &Scenario) -> String {
 }
 
 /// `scenario.toml`: what was simulated, and when.
-pub fn scenario_toml(scenario: &Scenario) -> String {
+pub fn scenario_toml(scenario: &Scenario, format: Format) -> String {
     let density = scenario.grade.noise().density;
     let faults: Vec<String> = scenario.faults.iter().map(|f| format!("\"{f}\"")).collect();
     format!(
@@ -192,7 +193,7 @@ pub fn scenario_toml(scenario: &Scenario) -> String {
          \n\
          [files]\n\
          scenario = [\"imu.csv\", \"gnss.csv\", \"init.csv\", \"truth.csv\", \"faults.csv\"]\n\
-         receiver = \"receiver.rtcm3\"   # RTCM 3 from t_s = 0 on: MSM7, 1019, 1042\n\
+         receiver = \"{}\"   # {}\n\
          imu = \"imu.sfx\"   # native frames: what the unit is, and the samples of imu.csv\n",
         scenario.request.flight.name(),
         scenario.request.seed,
@@ -208,17 +209,22 @@ pub fn scenario_toml(scenario: &Scenario) -> String {
         density.gyro_bias_walk,
         density.accel_bias_walk,
         faults.join(", "),
+        format.file(),
+        match format {
+            Format::Rtcm3 => "RTCM 3 from t_s = 0 on: MSM7, 1019, 1042",
+            Format::Ubx => "UBX from 2 ms before t_s = 0 on: RXM-RAWX, RXM-SFRBX",
+        },
     )
 }
 
 /// Every file of the folder but the byte streams.
-pub fn files(scenario: &Scenario) -> Vec<(&'static str, String)> {
+pub fn files(scenario: &Scenario, format: Format) -> Vec<(&'static str, String)> {
     vec![
         ("imu.csv", imu_csv(scenario)),
         ("gnss.csv", gnss_csv(scenario)),
         ("init.csv", init_csv(scenario)),
         ("truth.csv", truth_csv(scenario)),
         ("faults.csv", faults_csv(scenario)),
-        ("scenario.toml", scenario_toml(scenario)),
+        ("scenario.toml", scenario_toml(scenario, format)),
     ]
 }

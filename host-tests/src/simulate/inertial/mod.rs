@@ -3,7 +3,7 @@
 //! | file | content |
 //! |---|---|
 //! | `imu.csv`, `gnss.csv`, `init.csv`, `truth.csv`, `faults.csv` | a scenario folder |
-//! | `receiver.rtcm3` | the receiver of the same flight: same track, clock, noise and faults |
+//! | `receiver.rtcm3` or `receiver.ubx` | the receiver of the same flight: same track, clock, noise and faults |
 //! | `imu.sfx` | native frames: what the unit is, and the samples of `imu.csv` |
 //! | `scenario.toml` | what was simulated |
 //!
