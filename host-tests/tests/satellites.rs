@@ -9,6 +9,7 @@ use surefix_core::integrity::Phase;
 use surefix_core::satellite_report::{SatelliteRow, SatelliteUse};
 use surefix_host_tests::output::{SATELLITE_COLUMNS, write_satellites};
 use surefix_host_tests::replay::{self, ReplayOptions, ReplayResult};
+use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{Args, atmosphere::Ionosphere, flight::Flight, simulate};
 
 const RAMP: &str = "G04:ramp:0.5:30:110";
@@ -26,11 +27,12 @@ fn approach() -> ReplayResult {
         no_troposphere: false,
         ionosphere: Ionosphere::Klobuchar,
         faults: vec![RAMP.parse().unwrap()],
+        receiver: Format::Rtcm3,
     };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("satellites");
     std::fs::create_dir_all(&folder).unwrap();
     let gnss = folder.join("receiver.rtcm3");
-    std::fs::write(&gnss, simulate(&args).unwrap().rtcm3).unwrap();
+    std::fs::write(&gnss, simulate(&args).unwrap().receiver).unwrap();
     let mut options = ReplayOptions::new(gnss);
     options.config.phase = Phase::Lpv200;
     replay::run(&options, &mut |_, _| {}).unwrap()
