@@ -300,7 +300,7 @@ fn main() -> ExitCode {
         }),
         Command::StaticImu(arguments) => static_imu::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
-        Command::Mutate(arguments) => mutate::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Mutate(arguments) => mutate::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
     outcome.unwrap_or_else(|error| {

@@ -9,6 +9,7 @@ use surefix_core::mhss::probation::PROOF_NS;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::EpochReport;
 use surefix_core::time::NS_PER_S;
+use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
 
 /// A fixed receiver with a fault.
@@ -24,9 +25,10 @@ fn stream(rate_hz: f64, duration_s: f64, fault: &str) -> Vec<u8> {
         no_troposphere: false,
         ionosphere: Ionosphere::None,
         faults: vec![fault.parse().unwrap()],
+        receiver: Format::Rtcm3,
     })
     .unwrap()
-    .rtcm3
+    .receiver
 }
 
 fn monitor(max_exclusions: u8) -> Box<Monitor> {

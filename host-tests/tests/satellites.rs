@@ -28,6 +28,7 @@ fn approach() -> ReplayResult {
         no_troposphere: false,
         ionosphere: Ionosphere::Klobuchar,
         faults: vec![RAMP.parse().unwrap()],
+        receiver: Format::Rtcm3,
     };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("satellites");
     std::fs::create_dir_all(&folder).unwrap();
