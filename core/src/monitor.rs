@@ -28,6 +28,7 @@ use crate::mhss::protection::SNAPSHOT_FALSE_ALERT_SHARE;
 use crate::readmission::{self, Readmission};
 use crate::report::{EpochReport, Fix, ReportFlags};
 use crate::rhythm::Rhythm;
+use crate::satellite_report::SatelliteReport;
 use crate::snapshot::{Assessment, ConfigureError, SnapshotMonitor};
 use crate::tight::{BankMemory, TestedSolution, TightConfigureError, TightMonitor, TightSolution};
 use crate::time::{GpsTime, NS_PER_WEEK};
@@ -512,6 +513,17 @@ impl Monitor {
     /// What the user has been told by now.
     pub const fn alert_state(&self) -> AlertState {
         self.alerts.state()
+    }
+
+    /// The satellites of the last epoch, of which `report` tells, if the receiver sent observations of it:
+    /// fills `satellites`.
+    pub fn satellite_report(&self, report: &EpochReport, satellites: &mut SatelliteReport) -> bool {
+        let epoch = self.ingest.epoch();
+        if self.pending != Pending::Observations || epoch.time != report.time {
+            return false;
+        }
+        satellites.fill(epoch, self.snapshot.workspace(), report);
+        true
     }
 
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.

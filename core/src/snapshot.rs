@@ -24,6 +24,7 @@ use crate::raim::slope::{NoLevel, Sensitivity};
 use crate::raim::thresholds::RaimTable;
 use crate::raim::{RaimError, parity};
 use crate::stats::StatsError;
+use crate::time::{GpsTime, NS_PER_S};
 
 const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
 
@@ -31,7 +32,12 @@ const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
 /// millisecond. A pseudorange error common to all satellites looks like a clock and shows in no
 /// residual, but dates the satellites wrongly: at 800 m/s of range rate 2 ms are 1.6 m, 10 ms are 8 m,
 /// beyond any level.
+///
+/// A receiver that lets its clock run measures at round instants of the true time, and its time tags say how
+/// far the clock is off: they are no multiples of [`ROUND_NS`], and the clock has to lie near what is over.
 pub const MAX_RECEIVER_CLOCK_M: f64 = 2.0e-3 * SPEED_OF_LIGHT_MPS;
+/// Instants at which receivers measure, a divisor of the intervals of 1, 2, 4, 5, 8, 10 and 20 Hz, ns.
+pub const ROUND_NS: i64 = 25_000_000;
 /// Farthest the clocks against two systems may lie apart, m: 10 µs. The systems keep within 100 ns of
 /// each other, receivers delay their signals differently by up to a few microseconds.
 pub const MAX_INTER_SYSTEM_M: f64 = 1.0e-5 * SPEED_OF_LIGHT_MPS;
@@ -64,6 +70,7 @@ pub struct Assessment {
 /// How far the assessment of an epoch has come.
 #[derive(Clone, Copy, Debug)]
 struct Progress {
+    time: GpsTime,
     solution: Option<SnapshotSolution>,
     test: Test,
     statistic: Option<f64>,
@@ -178,7 +185,7 @@ impl SnapshotMonitor {
         satellite: Satellite,
         solution: &SnapshotSolution,
     ) -> Option<(f64, f64)> {
-        let (row, residual_m, sigma) = self.workspace.left_out(satellite, solution)?;
+        let (row, residual_m, sigma) = self.workspace.row_left_out(satellite, solution)?;
         let mut whitened = [0.0; MAX_UNKNOWNS];
         let m = self.qr.m();
         for (derivative, r_inverse) in row.iter().zip(self.qr.r_inverse()).take(m) {
@@ -212,6 +219,7 @@ impl SnapshotMonitor {
         };
         let requirements = config.phase.requirements();
         let mut progress = Progress {
+            time: epoch.time,
             solution: None,
             test: Test::Impossible(Reason::None),
             statistic: None,
@@ -278,7 +286,7 @@ impl SnapshotMonitor {
         let Some(solution) = &progress.solution else {
             return;
         };
-        let clocks_are_plausible = are_plausible(&solution.clock_m);
+        let clocks_are_plausible = are_plausible(&solution.clock_m, progress.time);
         progress.statistic = None;
         progress.threshold = None;
         progress.test = match parity::test(self.workspace.model(), &mut self.qr) {
@@ -395,11 +403,23 @@ impl SnapshotMonitor {
     }
 }
 
-/// Whether receiver clocks lie where a receiver keeps them; NaN does not.
-fn are_plausible(clock_m: &[Option<f64>; MAX_CLOCKS]) -> bool {
+/// How far a time tag lies beyond the nearest round instant, m of light.
+fn beyond_round_m(time: GpsTime) -> f64 {
+    let since_ns = time.tow_ns().rem_euclid(ROUND_NS);
+    let beyond_ns = if since_ns > ROUND_NS / 2 {
+        since_ns - ROUND_NS
+    } else {
+        since_ns
+    };
+    beyond_ns as f64 / NS_PER_S as f64 * SPEED_OF_LIGHT_MPS
+}
+
+/// Whether receiver clocks lie where a receiver with time tags like this one keeps them; NaN does not.
+fn are_plausible(clock_m: &[Option<f64>; MAX_CLOCKS], time: GpsTime) -> bool {
+    let beyond_m = beyond_round_m(time);
     let clocks = || clock_m.iter().copied().flatten();
     clocks().all(|a| {
-        libm::fabs(a) <= MAX_RECEIVER_CLOCK_M
+        (libm::fabs(a) <= MAX_RECEIVER_CLOCK_M || libm::fabs(a - beyond_m) <= MAX_RECEIVER_CLOCK_M)
             && clocks().all(|b| libm::fabs(a - b) <= MAX_INTER_SYSTEM_M)
     })
 }
@@ -442,6 +462,7 @@ mod tests {
 
     fn progress(test: Test, hpl_m: f64, vpl_m: f64) -> Progress {
         Progress {
+            time: GpsTime::from_ns(0),
             solution: None,
             test,
             statistic: Some(1.0),
@@ -491,6 +512,8 @@ mod tests {
     #[test]
     fn clocks_a_receiver_does_not_have_are_implausible() {
         let far_m = 1.001 * MAX_RECEIVER_CLOCK_M;
+        let are_plausible =
+            |clock_m: &[Option<f64>; MAX_CLOCKS]| are_plausible(clock_m, GpsTime::from_ns(0));
         assert!(are_plausible(&[None; MAX_CLOCKS]));
         assert!(are_plausible(&[
             Some(0.99 * MAX_RECEIVER_CLOCK_M),
@@ -510,5 +533,21 @@ mod tests {
             Some(1.01 * MAX_INTER_SYSTEM_M)
         ]));
         assert!(!are_plausible(&[Some(f64::NAN), None, None]));
+    }
+
+    #[test]
+    fn clock_that_runs_has_to_lie_where_its_time_tags_say() {
+        const MS_NS: i64 = 1_000_000;
+        let at = |tow_ns: i64, clock_s: f64| {
+            let time = GpsTime::from_week_tow_ns(2244, tow_ns);
+            are_plausible(&[Some(clock_s * SPEED_OF_LIGHT_MPS), None, None], time)
+        };
+        // 4 ms late by its tags; 25 ms and its multiples are round.
+        assert!(at(1_004 * MS_NS, 4.23e-3) && at(1_129 * MS_NS, 4.23e-3));
+        assert!(at(1_004 * MS_NS, 1.9e-3) && at(1_004 * MS_NS, -1.9e-3));
+        assert!(!at(1_004 * MS_NS, 6.1e-3) && !at(1_004 * MS_NS, -2.1e-3));
+        assert!(!at(1_000 * MS_NS, 4.23e-3));
+        assert!(at(998 * MS_NS, -3.9e-3) && !at(998 * MS_NS, 2.1e-3));
+        assert!(!at(1_004 * MS_NS, f64::NAN));
     }
 }

@@ -8,6 +8,7 @@ use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::REPORT_FRAME_LENGTH;
+use surefix_core::satellite_report::SatelliteReport;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::native::MAX_FRAME;
 use surefix_core::{ingest, report};
@@ -24,6 +25,7 @@ pub struct Worker {
     fast: &'static mut MonitorFastFilters,
     secondaries: &'static mut MonitorSecondaries,
     bank: &'static mut BankReport,
+    satellites: &'static mut SatelliteReport,
     received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
     output: board::Transmitter,
     acknowledge: board::Acknowledge,
@@ -73,6 +75,7 @@ impl Worker {
             fast,
             secondaries,
             bank,
+            satellites,
         } = memory;
         // In force until a configuration frame comes before the first epoch.
         if monitor.configure(&Config::PRESET).is_err() {
@@ -83,6 +86,7 @@ impl Worker {
             fast,
             secondaries,
             bank,
+            satellites,
             received,
             output,
             acknowledge,
@@ -191,6 +195,12 @@ impl Worker {
         #[cfg(feature = "real-time")]
         self.acknowledge
             .tell(b'E', &[self.taken, came, begin, board::ticks()]);
+        // Last: nobody waits for it.
+        if self.monitor.satellite_report(&report, self.satellites)
+            && let Ok(length) = self.satellites.encode(&mut self.frame)
+        {
+            self.send(length);
+        }
         let state = (report.verdict.integrity, report.verdict.reason);
         if self.state != Some(state) {
             self.state = Some(state);

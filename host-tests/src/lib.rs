@@ -6,6 +6,7 @@ pub mod consistency;
 pub mod faults;
 pub mod hybrid;
 pub mod imu;
+pub mod mutate;
 pub mod output;
 pub mod qemu;
 pub mod real_time;

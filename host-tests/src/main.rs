@@ -14,7 +14,9 @@ use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, Tru
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::static_imu::{self, triple};
 use surefix_host_tests::truth::Truth;
-use surefix_host_tests::{araim, campaign, hybrid, output, real_time, report, scenario, simulate};
+use surefix_host_tests::{
+    araim, campaign, hybrid, mutate, output, real_time, report, scenario, simulate,
+};
 
 #[derive(Parser)]
 #[command(
@@ -42,6 +44,7 @@ enum Command {
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     RealTime(real_time::Args),
+    Mutate(mutate::Args),
     /// One self-contained HTML page of a replay
     Report(report::Args),
 }
@@ -93,7 +96,7 @@ struct ReplayArguments {
     /// Which verdicts to print as they come
     #[arg(long, value_enum, default_value = "changes")]
     print: Print,
-    /// Directory to write epochs.csv, errors.csv, summary.json and report.html to
+    /// Directory to write epochs.csv, satellites.csv, errors.csv, summary.json, track.kml, track.gpx and report.html to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }
@@ -208,7 +211,7 @@ fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
     print_summary(&result, arguments);
     if result.reports.is_empty() {
         eprintln!(
-            "surefix: {} holds no observation epoch surefix can use; summary.json counts what it holds. Record MSM4 to MSM7 messages of GPS, Galileo or BDS, or give RINEX observations",
+            "surefix: {} holds no observation epoch surefix can use; summary.json counts what it holds. Record MSM4 to MSM7 messages of GPS, Galileo or BDS; of a u-blox receiver RXM-RAWX and RXM-SFRBX (u-center: View, Messages View, RXM, Enable Message); or give RINEX observations",
             arguments.gnss.display()
         );
     }
@@ -297,6 +300,7 @@ fn main() -> ExitCode {
         }),
         Command::StaticImu(arguments) => static_imu::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
+        Command::Mutate(arguments) => mutate::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Report(arguments) => report::run(arguments).map(|()| ExitCode::SUCCESS),
     };
     outcome.unwrap_or_else(|error| {

@@ -1,10 +1,13 @@
-//! What a replay writes: `epochs.csv`, `errors.csv` and `summary.json`.
+//! What a replay writes: `epochs.csv`, `satellites.csv`, `errors.csv`, `summary.json`, tracks.
 //!
 //! `epochs.csv` holds what the monitor said and nothing else, so that it is the same file whether a PC
 //! or a board ran it; errors against the truth go to `errors.csv`. Numbers are printed in their
 //! shortest form that reads back exactly.
 
 mod bank;
+mod satellites;
+mod track;
+mod xml;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -20,6 +23,8 @@ use surefix_core::time::NS_PER_S;
 use crate::truth::Truth;
 
 pub use bank::{BankColumns, BankSummary, Banks};
+pub use satellites::{SATELLITE_COLUMNS, Satellites, write_satellites};
+pub use track::{write_gpx, write_kml};
 
 /// Columns of `epochs.csv`: those of the contract, then more; those of the bank follow ([`BankColumns`]).
 pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,ve_mps,vn_mps,vu_mps,\

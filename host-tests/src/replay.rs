@@ -20,6 +20,7 @@ use surefix_core::config::Config;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
+use surefix_core::satellite_report::SatelliteReport;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
@@ -50,6 +51,7 @@ impl Executor for HostExecutor {
         let mut monitor = new_monitor();
         let mut filters = BankFilters::new();
         let mut bank = Box::new(BankReport::EMPTY);
+        let mut satellites = Box::new(SatelliteReport::EMPTY);
         let mut frame = [0; native::MAX_FRAME];
         let mut rest = stream;
         loop {
@@ -69,6 +71,14 @@ impl Executor for HostExecutor {
                     match report::encode(&report, &mut frame) {
                         Ok(length) => output(&frame[..length]),
                         Err(native::Full) => bail!("a report does not fit its frame"),
+                    }
+                    if monitor.satellite_report(&report, &mut satellites) {
+                        match satellites.encode(&mut frame) {
+                            Ok(length) => output(&frame[..length]),
+                            Err(native::Full) => {
+                                bail!("the satellites of an epoch do not fit their frame")
+                            }
+                        }
                     }
                 }
                 Some(Ready::EndOfStream) => break,
@@ -128,6 +138,8 @@ pub struct OutputReader {
     pub reports: Vec<EpochReport>,
     /// What the bank of filters found, for each report; `None` where it did not run.
     pub banks: Vec<Option<Box<BankReport>>>,
+    /// The satellites of each report's epoch; `None` where the receiver sent no observations.
+    pub satellites: Vec<Option<Box<SatelliteReport>>>,
     /// Of the epoch whose report comes next.
     bank: Option<Box<BankReport>>,
     /// What the monitor counted, when it has said so.
@@ -152,6 +164,9 @@ impl OutputReader {
                         Some(Kind::Bank) => BankReport::decode(frame.payload())
                             .map(|bank| self.bank = Some(Box::new(bank)))
                             .is_ok(),
+                        Some(Kind::Satellites) => SatelliteReport::decode(frame.payload())
+                            .map(|satellites| self.take_satellites(satellites))
+                            .is_ok_and(|it_fits| it_fits),
                         Some(Kind::Counters) => Counters::decode(frame.payload())
                             .map(|counters| self.counters = Some(counters))
                             .is_ok(),
@@ -177,8 +192,20 @@ impl OutputReader {
         let bank = self.bank.take();
         let it_fits = bank.as_ref().is_none_or(|bank| bank.time == report.time);
         self.banks.push(bank.filter(|_| it_fits));
+        self.satellites.push(None);
         self.reports.push(report);
         it_fits
+    }
+
+    /// Takes the satellites of the epoch whose report came last; tells whether they are of it.
+    fn take_satellites(&mut self, satellites: SatelliteReport) -> bool {
+        match (self.reports.last(), self.satellites.last_mut()) {
+            (Some(report), Some(place @ None)) if report.time == satellites.time => {
+                *place = Some(Box::new(satellites));
+                true
+            }
+            _ => false,
+        }
     }
 }
 
@@ -252,6 +279,8 @@ pub struct ReplayResult {
     pub reports: Vec<EpochReport>,
     /// What the bank of filters found at each, where it ran.
     pub banks: Vec<Option<Box<BankReport>>>,
+    /// The satellites of each, where the receiver sent observations.
+    pub satellites: Vec<Option<Box<SatelliteReport>>>,
     /// Error of each, east, north, up, m.
     pub errors_enu_m: Vec<Option<[f64; 3]>>,
     /// Everything that can be said in short.
@@ -418,6 +447,7 @@ pub fn run(
     Ok(ReplayResult {
         reports: reader.reports,
         banks: reader.banks,
+        satellites: reader.satellites,
         errors_enu_m,
         summary,
         info,
@@ -479,10 +509,18 @@ pub fn make_directory(directory: &Path) -> Result<()> {
 }
 
 /// Everything [`write`] may write.
-const FILES: [&str; 4] = ["epochs.csv", "errors.csv", "summary.json", "report.html"];
+const FILES: [&str; 7] = [
+    "epochs.csv",
+    "satellites.csv",
+    "errors.csv",
+    "summary.json",
+    "track.kml",
+    "track.gpx",
+    "report.html",
+];
 
-/// Writes `epochs.csv`, `errors.csv` (with a truth), `summary.json` and `report.html` into `directory`,
-/// in place of those of an earlier replay.
+/// Writes `epochs.csv`, `satellites.csv`, `errors.csv` (with a truth), `summary.json`, `track.kml`, `track.gpx`
+/// and `report.html` into `directory`, in place of those of an earlier replay.
 ///
 /// # Errors
 /// When the directory or a file cannot be written.
@@ -499,12 +537,26 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         let path = directory.join(name);
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
-    let path = directory.join("epochs.csv");
-    let cannot = || format!("cannot write {}", path.display());
-    let mut file = BufWriter::new(File::create(&path).with_context(cannot)?);
-    output::write_epochs(&mut file, &result.reports, &result.banks)
-        .and_then(|()| file.flush())
-        .with_context(cannot)?;
+    let create = |name: &str, write: &dyn Fn(&mut BufWriter<File>) -> std::io::Result<()>| {
+        let path = directory.join(name);
+        File::create(&path)
+            .map(BufWriter::new)
+            .and_then(|mut file| write(&mut file).and_then(|()| file.flush()))
+            .with_context(|| format!("cannot write {}", path.display()))
+    };
+    let reports = &result.reports;
+    let name = options
+        .gnss
+        .file_name()
+        .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    create("epochs.csv", &|file| {
+        output::write_epochs(file, reports, &result.banks)
+    })?;
+    create("satellites.csv", &|file| {
+        output::write_satellites(file, reports, &result.satellites)
+    })?;
+    create("track.kml", &|file| output::write_kml(file, &name, reports))?;
+    create("track.gpx", &|file| output::write_gpx(file, &name, reports))?;
     if result.summary.truth.is_some() {
         put(
             "errors.csv",

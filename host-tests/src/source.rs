@@ -174,6 +174,9 @@ fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
     if has_native_frame(bytes) {
         return Ok(Format::Native);
     }
+    if find_ubx(bytes, |_| true) {
+        return Ok(Format::Ubx);
+    }
     let next = "give u-blox UBX, RTCM 3, or RINEX 3 or 4 observations (plain, .gz or .crx)";
     if bytes.starts_with(&[0x1f, 0x9d]) {
         bail!("{name} is compressed with Unix compress (.Z): expand it with `uncompress` first");
@@ -181,12 +184,11 @@ fn recognise(bytes: &[u8], path: &Path) -> Result<Format> {
     if bytes.starts_with(b"PK\x03\x04") {
         bail!("{name} is a ZIP archive: unpack it first");
     }
-    if find_ubx(bytes, |_| true) {
-        bail!(
-            "{name} is u-blox UBX without raw measurements: turn on RXM-RAWX and RXM-SFRBX (u-center: View, Messages View, RXM), record again, or {next}"
-        );
-    }
-    if bytes.starts_with(b"$G") {
+    let head = &bytes[..bytes.len().min(1000)];
+    if head
+        .windows(3)
+        .any(|w| w.starts_with(b"$G") && w[2].is_ascii_uppercase())
+    {
         bail!("{name} looks like NMEA, which holds positions but no observations: {next}");
     }
     let start: String = String::from_utf8_lossy(&bytes[..bytes.len().min(40)])

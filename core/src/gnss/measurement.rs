@@ -180,8 +180,14 @@ const GALILEO_PAIRS: &[Choice] = &[
     pair(b"1C", b"7X", INAV_ONLY),
     pair(b"1B", b"7I", INAV_ONLY),
 ];
-/// B1I, by in-phase or combined tracking. B1C has no group delay in the messages decoded.
-const BDS_SINGLE: &[Choice] = &[single(b"2I", BDS), single(b"2X", BDS)];
+/// B1I, by in-phase or combined tracking; B3I, whose ionosphere is 1.5 times that of L1, for receivers of
+/// the modern signals. B1C and B2a have no group delay in the messages decoded.
+const BDS_SINGLE: &[Choice] = &[
+    single(b"2I", BDS),
+    single(b"2X", BDS),
+    single(b"6I", BDS),
+    single(b"6X", BDS),
+];
 /// B3I first: all BDS satellites have it, B2I only the second generation.
 const BDS_PAIRS: &[Choice] = &[
     pair(b"2I", b"6I", BDS),
@@ -210,6 +216,8 @@ pub struct Measurement {
     pub pseudorange_m: f64,
     /// Range rate of the first signal that has one, m/s.
     pub range_rate_mps: Option<f64>,
+    /// C/N0 of the first signal, dB-Hz.
+    pub cn0_dbhz: Option<f32>,
     /// Satellite clock to add to the pseudorange: polynomial, relativity, group delay, m.
     pub clock_m: f64,
     /// Satellite clock drift to add to the range rate, m/s.
@@ -270,6 +278,9 @@ pub fn measure(
                 let combination = Combination::new(ephemeris, choice, pseudoranges_m)?;
                 let mut measurement = combination.measurement(ephemeris, time)?;
                 measurement.range_rate_mps = range_rate(observation, choice);
+                measurement.cn0_dbhz = observation
+                    .signal(choice.first)
+                    .and_then(|signal| signal.cn0_dbhz);
                 return Ok(measurement);
             }
             Err(refused) => reason = refused.into(),
@@ -355,6 +366,7 @@ impl Combination {
             satellite: ephemeris.satellite,
             pseudorange_m: self.pseudorange_m,
             range_rate_mps: None,
+            cn0_dbhz: None,
             clock_m: SPEED_OF_LIGHT_MPS * (clock.offset_s + late_s),
             clock_drift_mps: SPEED_OF_LIGHT_MPS * (clock.rate_sps + orbit.relativity_rate_sps),
             r_e_m: [x - vx * late_s, y - vy * late_s, z - vz * late_s],

@@ -141,6 +141,8 @@ pub struct SnapshotWorkspace {
     n_observed: u8,
     /// Counts of what did not become a row.
     unused: [u8; SATELLITE_REASONS],
+    /// What did not become a row, and why.
+    refused: Vec<(Satellite, SatelliteReason), MAX_SATELLITES>,
     /// Where `Row::sky` was computed.
     sky_at: Option<[f64; 3]>,
     model: LinearModel,
@@ -168,6 +170,7 @@ impl SnapshotWorkspace {
         rows: Vec::new(),
         n_observed: 0,
         unused: [0; SATELLITE_REASONS],
+        refused: Vec::new(),
         sky_at: None,
         model: LinearModel::EMPTY,
     };
@@ -186,6 +189,7 @@ impl SnapshotWorkspace {
         self.rows.clear();
         self.n_observed = 0;
         self.unused = [0; SATELLITE_REASONS];
+        self.refused.clear();
         self.sky_at = None;
         self.model.n = 0;
         self.model.m = 0;
@@ -193,7 +197,7 @@ impl SnapshotWorkspace {
         for observation in &epoch.satellites {
             self.n_observed = self.n_observed.saturating_add(1);
             if !config.systems.contains(observation.satellite.system()) {
-                count(&mut self.unused, SatelliteReason::SystemNotSelected);
+                self.refuse(observation.satellite, SatelliteReason::SystemNotSelected);
                 continue;
             }
             match measure(observation, epoch.time, store, ionosphere_free) {
@@ -207,9 +211,15 @@ impl SnapshotWorkspace {
                         residual_m: 0.0,
                     });
                 }
-                Err(reason) => count(&mut self.unused, reason),
+                Err(reason) => self.refuse(observation.satellite, reason),
             }
         }
+    }
+
+    fn refuse(&mut self, satellite: Satellite, reason: SatelliteReason) {
+        count(&mut self.unused, reason);
+        // As many as satellites in an epoch, so it fits.
+        let _ = self.refused.push((satellite, reason));
     }
 
     /// Solves the epoch without the satellites in `excluded`, from `start` if given, else from the
@@ -318,16 +328,55 @@ impl SnapshotWorkspace {
 
     /// One sigma of a satellite's pseudorange, as of the last place looked from.
     pub fn sigma(&self, satellite: Satellite) -> Option<RowSigma> {
+        self.row(satellite).map(|row| row.sky.sigma)
+    }
+
+    fn row(&self, satellite: Satellite) -> Option<&Row> {
         self.rows
             .iter()
             .find(|row| row.measurement.satellite == satellite)
-            .map(|row| row.sky.sigma)
+    }
+
+    /// Why a satellite of the epoch is not in the last solution; `None` where it is, or would be if there
+    /// were one.
+    pub fn reason_left_out(&self, satellite: Satellite) -> Option<SatelliteReason> {
+        match self.row(satellite).map(|row| row.state) {
+            Some(RowState::Used) => None,
+            Some(RowState::Unused(reason)) => Some(reason),
+            None => self
+                .refused
+                .iter()
+                .find(|(refused, _)| *refused == satellite)
+                .map(|(_, reason)| *reason),
+        }
+    }
+
+    /// Azimuth from north to east and elevation of a satellite, as of the last place looked from, rad.
+    pub fn direction_rad(&self, satellite: Satellite) -> Option<[f64; 2]> {
+        self.sky_at?;
+        self.row(satellite)
+            .map(|row| [row.sky.azimuth_rad, row.sky.elevation_rad])
+    }
+
+    /// Measured minus predicted pseudorange of a satellite at a position (ECEF), the receiver clock left
+    /// in, m; delays are those of the last place looked from.
+    pub fn range_residual_m(&self, satellite: Satellite, r_e_m: [f64; 3]) -> Option<f64> {
+        self.sky_at?;
+        let row = self.row(satellite)?;
+        let measurement = &row.measurement;
+        let range_m = range_geometry(measurement.r_e_m, r_e_m).range_m;
+        Some(measurement.pseudorange_m + measurement.clock_m - row.sky.delay_m - range_m)
+    }
+
+    /// C/N0 of the signal that a satellite's pseudorange is of, the first of two, dB-Hz.
+    pub fn cn0_dbhz(&self, satellite: Satellite) -> Option<f32> {
+        self.row(satellite)?.measurement.cn0_dbhz
     }
 
     /// A satellite above the mask that a solution of this epoch left out, as a row of its linear model: the
     /// derivatives, measured minus predicted, m, and the sigma. `None` where the solution has no clock of its
     /// constellation.
-    pub fn left_out(
+    pub fn row_left_out(
         &self,
         satellite: Satellite,
         solution: &SnapshotSolution,

@@ -14,6 +14,7 @@ use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
 use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch};
 use crate::time::{GPST_MINUS_BDT_S, GpsTime, NS_PER_S, NS_PER_WEEK};
+use crate::wire::broadcast::{Collected, Collector, Subframe, SubframeError};
 use crate::wire::counters::count;
 use crate::wire::native::{Frame, Kind};
 use crate::wire::rtcm3::header::EpochTime;
@@ -79,6 +80,10 @@ pub(super) struct Assembler {
     corrected: CorrectedAssembler,
     /// Where observations come from, and when they last did.
     observer: Option<(Observer, GpsTime)>,
+    /// Parts of navigation messages.
+    subframes: Collector,
+    /// The ephemeris of a frame that will be given again.
+    held: Option<BroadcastEphemeris>,
 }
 
 /// Epochs that came after a later one, in a row.
@@ -119,6 +124,8 @@ impl Assembler {
         weeks: WeekResolver::EMPTY,
         corrected: CorrectedAssembler::EMPTY,
         observer: None,
+        subframes: Collector::EMPTY,
+        held: None,
     };
 
     pub(super) const fn epoch(&self) -> &ObservationEpoch {
@@ -192,9 +199,6 @@ impl Assembler {
                 Err(error) => {
                     count(match error {
                         ubx::PayloadError::WeekUnknown => &mut counters.rawx_without_week,
-                        ubx::PayloadError::TooManyWords { .. } => {
-                            &mut counters.subframes_unsupported
-                        }
                         ubx::PayloadError::Length
                         | ubx::PayloadError::Version { .. }
                         | ubx::PayloadError::TimeOfWeek { .. } => &mut counters.ubx_refused,
@@ -228,12 +232,70 @@ impl Assembler {
         counters: &mut Counters,
     ) -> Result<Outcome, ubx::PayloadError> {
         match frame.message {
-            ubx::RXM_RAWX => Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters)),
+            ubx::RXM_RAWX if !frame.payload.is_empty() => {
+                Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters))
+            }
+            ubx::RXM_SFRBX if !frame.payload.is_empty() => {
+                Ok(self.take_subframe(&ubx::sfrbx::parse(frame.payload)?, counters))
+            }
             _ => {
                 count(&mut counters.ubx_unsupported);
                 Ok(Outcome::Used)
             }
         }
+    }
+
+    fn take_subframe(&mut self, subframe: &Subframe<'_>, counters: &mut Counters) -> Outcome {
+        // The frame comes again after an event that its ephemeris waits for: its words are counted once.
+        if let Some(broadcast) = self.held.take() {
+            return self.take_collected(&broadcast, counters);
+        }
+        let Collected {
+            ephemeris,
+            klobuchar,
+        } = match self.subframes.take(subframe) {
+            Ok(collected) => collected,
+            Err(error) => {
+                count(match error {
+                    SubframeError::Unsupported => &mut counters.subframes_unsupported,
+                    SubframeError::Satellite
+                    | SubframeError::Length
+                    | SubframeError::Parity
+                    | SubframeError::Checksum
+                    | SubframeError::Preamble
+                    | SubframeError::Number
+                    | SubframeError::Time
+                    | SubframeError::IllegalValue => &mut counters.subframes_refused,
+                });
+                return Outcome::Used;
+            }
+        };
+        count(&mut counters.subframes_used);
+        let klobuchar = klobuchar
+            .as_ref()
+            .map(convert::klobuchar)
+            .map(Event::Klobuchar);
+        match (ephemeris, klobuchar) {
+            (None, None) => Outcome::Used,
+            (None, Some(event)) => Outcome::UsedGives(event),
+            (Some(broadcast), None) => self.take_collected(&broadcast, counters),
+            (Some(broadcast), Some(event)) => {
+                self.held = Some(broadcast);
+                Outcome::FirstGives(event)
+            }
+        }
+    }
+
+    fn take_collected(
+        &mut self,
+        broadcast: &BroadcastEphemeris,
+        counters: &mut Counters,
+    ) -> Outcome {
+        let outcome = self.take_broadcast(broadcast, counters);
+        if matches!(outcome, Outcome::FirstGives(_)) {
+            self.held = Some(*broadcast);
+        }
+        outcome
     }
 
     fn take_rawx(&mut self, rawx: &Rawx<'_>, counters: &mut Counters) -> Outcome {
@@ -487,7 +549,10 @@ impl Assembler {
             Some(Kind::ReferenceModel) => Outcome::UsedGives(Event::ReferenceModel(
                 decode_reference_model(frame.payload())?,
             )),
-            Some(Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank) | None => {
+            Some(
+                Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank | Kind::Satellites,
+            )
+            | None => {
                 count(&mut counters.native_unknown_kind);
                 Outcome::Used
             }

@@ -3,8 +3,11 @@
 use super::payload::{MAX_CN0_DBHZ, MAX_RANGE, MAX_RATE_MPS};
 use super::week::WeekResolver;
 use crate::consts::SPEED_OF_LIGHT_MPS;
-use crate::gnss::{Ephemeris, NavMessage, Satellite, Signal, SignalObservation, System};
+use crate::gnss::{
+    Ephemeris, KlobucharParameters, NavMessage, Satellite, Signal, SignalObservation, System,
+};
 use crate::time::{GpsTime, NS_PER_S};
+use crate::wire::broadcast::BroadcastKlobuchar;
 use crate::wire::rtcm3::signals::rinex_name;
 use crate::wire::rtcm3::{BroadcastEphemeris, Cell, Constellation, Source};
 use crate::wire::ubx::{Measurement, Rawx};
@@ -155,6 +158,23 @@ pub(super) fn ubx_time(rawx: &Rawx<'_>) -> GpsTime {
     // At most 6.1e14 ns: exact in f64 and far inside i64.
     let tow_ns = libm::rint(rawx.tow_s * NS_PER_S as f64) as i64;
     GpsTime::from_week_tow_ns(i32::from(rawx.week), tow_ns)
+}
+
+/// Ionosphere parameters of a navigation message; their units are those of the domain already.
+pub(super) const fn klobuchar(broadcast: &BroadcastKlobuchar) -> KlobucharParameters {
+    KlobucharParameters {
+        system: system_of_source(broadcast.source),
+        alpha: broadcast.alpha,
+        beta: broadcast.beta,
+    }
+}
+
+const fn system_of_source(source: Source) -> System {
+    match source {
+        Source::GpsLnav => System::Gps,
+        Source::BdsD1D2 => System::Bds,
+        Source::GalileoFnav | Source::GalileoInav => System::Galileo,
+    }
 }
 
 /// One sigma of an accuracy index of GPS or BDS, m; `None` for 15, no prediction of accuracy.

@@ -5,6 +5,7 @@
 //! What a view accepts and a value refuses is counted by reason.
 
 pub mod bits;
+pub mod broadcast;
 pub mod counters;
 pub mod crc;
 pub mod native;

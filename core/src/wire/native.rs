@@ -66,6 +66,8 @@ pub enum Kind {
     OutputInvalid = 18,
     /// The tests of the bank of filters at an epoch, before its report.
     Bank = 19,
+    /// The satellites of an epoch, after its report.
+    Satellites = 20,
 }
 
 impl Kind {
@@ -86,6 +88,7 @@ impl Kind {
             17 => Self::Counters,
             18 => Self::OutputInvalid,
             19 => Self::Bank,
+            20 => Self::Satellites,
             _ => return None,
         })
     }

@@ -5,6 +5,7 @@ use crate::ring::Ring;
 use static_cell::ConstStaticCell;
 use surefix_core::bank_report::BankReport;
 use surefix_core::monitor::Monitor;
+use surefix_core::satellite_report::SatelliteReport;
 use surefix_core::tight::{MonitorFastFilters, MonitorSecondaries};
 
 /// Receiver bytes the ring holds: 178 ms at 921,600 baud.
@@ -26,6 +27,11 @@ static MONITOR: ConstStaticCell<Monitor> = ConstStaticCell::new(Monitor::EMPTY);
 #[cfg_attr(feature = "board-h743", unsafe(link_section = ".d2sram"))]
 static BANK: ConstStaticCell<BankReport> = ConstStaticCell::new(BankReport::EMPTY);
 
+/// The satellites of an epoch, on their way out.
+// SAFETY: as for the section of `MONITOR`.
+#[cfg_attr(feature = "board-h743", unsafe(link_section = ".d2sram"))]
+static SATELLITES: ConstStaticCell<SatelliteReport> = ConstStaticCell::new(SatelliteReport::EMPTY);
+
 /// F00 and F0n: beside the stack in the fastest memory.
 static FAST: ConstStaticCell<MonitorFastFilters> = ConstStaticCell::new(MonitorFastFilters::EMPTY);
 
@@ -46,6 +52,8 @@ pub struct Memory {
     pub secondaries: &'static mut MonitorSecondaries,
     /// What the bank found at an epoch.
     pub bank: &'static mut BankReport,
+    /// The satellites of an epoch.
+    pub satellites: &'static mut SatelliteReport,
 }
 
 impl Memory {
@@ -56,6 +64,7 @@ impl Memory {
             fast: FAST.try_take()?,
             secondaries: SECONDARIES.try_take()?,
             bank: BANK.try_take()?,
+            satellites: SATELLITES.try_take()?,
         })
     }
 }

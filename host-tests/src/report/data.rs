@@ -6,9 +6,12 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector3;
 use serde_json::{Value, json};
+use surefix_core::frames::geodesy;
 
 use super::bank;
+use super::satellites::Satellites;
 use super::stanford::Diagram;
 use super::table::{Row, Table};
 
@@ -92,6 +95,12 @@ fn names(rows: &[Row], name: impl Fn(&Row) -> &str) -> (Vec<String>, Vec<Option<
     (known, indices)
 }
 
+/// Sorts satellites as the pictures list them: G, E, C, then others, each by number.
+pub fn order(name: &str) -> (usize, String) {
+    let letter = name.chars().next().unwrap_or('-');
+    ("GEC".find(letter).unwrap_or(3), name.to_owned())
+}
+
 /// Index ranges `[first, end)` in which a satellite is in a set.
 pub type Ranges = Vec<[usize; 2]>;
 
@@ -104,22 +113,40 @@ pub fn satellite_ranges(rows: &[Row]) -> Vec<(String, Ranges, Ranges)> {
         }
     }
     let mut by_name: BTreeMap<(usize, String), (Ranges, Ranges)> = BTreeMap::new();
-    let key = |name: &String| {
-        let letter = name.chars().next().unwrap_or('-');
-        ("GEC".find(letter).unwrap_or(3), name.clone())
-    };
     for (index, row) in rows.iter().enumerate() {
         for name in &row.used {
-            extend(&mut by_name.entry(key(name)).or_default().0, index);
+            extend(&mut by_name.entry(order(name)).or_default().0, index);
         }
         for name in &row.excluded {
-            extend(&mut by_name.entry(key(name)).or_default().1, index);
+            extend(&mut by_name.entry(order(name)).or_default().1, index);
         }
     }
     by_name
         .into_iter()
         .map(|((_, name), (used, excluded))| (name, used, excluded))
         .collect()
+}
+
+/// The track on a local grid: east and north of the first position in the plane that touches the ellipsoid
+/// there, height above the ellipsoid, m; `null` without a position.
+fn track(rows: &[Row]) -> Value {
+    let Some((origin_m, [lat_deg, lon_deg, _])) =
+        rows.iter().find_map(|row| row.r_e_m.zip(row.llh))
+    else {
+        return Value::Null;
+    };
+    let c_enu_e = geodesy::c_enu_e(lat_deg.to_radians(), lon_deg.to_radians());
+    let enu_m: Vec<Option<Vector3<f64>>> = rows
+        .iter()
+        .map(|row| Some(c_enu_e * (Vector3::from(row.r_e_m?) - Vector3::from(origin_m))))
+        .collect();
+    json!({
+        "lat": lat_deg,
+        "lon": lon_deg,
+        "e": column(enu_m.iter().map(|enu| enu.map(|enu| enu.x))),
+        "n": column(enu_m.iter().map(|enu| enu.map(|enu| enu.y))),
+        "h": column(rows.iter().map(|row| row.llh.map(|[_, _, h_m]| h_m))),
+    })
 }
 
 /// Horizontal and vertical.
@@ -167,6 +194,8 @@ pub fn pack(table: &Table) -> Value {
         "uv": number(|r| r.uncertainty_m[1]),
         "nbank": number(|r| r.n_bank),
         "bank": bank::pack(table),
+        "track": track(rows),
+        "skies": table.satellites.as_ref().map(Satellites::pack),
         "stanford": table.has_errors.then(|| stanford(rows)),
         "truth": table.has_errors,
         "hasUsed": table.has_used,

@@ -142,7 +142,7 @@ pub fn figures(table: &Table) -> Figures {
     exclusions.sort_by(|a, b| a.1.total_cmp(&b.1));
     Figures {
         epochs: rows.len(),
-        positions: rows.iter().filter(|row| row.has_position).count(),
+        positions: rows.iter().filter(|row| row.r_e_m.is_some()).count(),
         states: STATES.map(count),
         horizontal: axis(
             rows,

@@ -1,6 +1,6 @@
 //! `surefix report DIR`: the run in DIR as one HTML file that needs nothing else.
 //!
-//! Reads `epochs.csv`, and `errors.csv` and `summary.json` where they are there; writes
+//! Reads `epochs.csv`, and `satellites.csv`, `errors.csv` and `summary.json` where they are there; writes
 //! `report.html` beside them. Style, script and data are inside the file; it opens without a
 //! network. Every epoch is in it: where a screen has fewer columns than the run has epochs, a column
 //! shows the smallest and the largest value of the epochs it stands for.
@@ -8,6 +8,7 @@
 mod bank;
 mod data;
 mod figures;
+mod satellites;
 mod stanford;
 mod table;
 
@@ -25,7 +26,21 @@ pub use stanford::Region;
 const PAGE: &str = include_str!("report.html");
 const EMPTY_PAGE: &str = include_str!("empty.html");
 const STYLE: &str = include_str!("report.css");
-const SCRIPT: &str = include_str!("report.js");
+/// Parts of one function, in this order.
+const SCRIPT: &str = concat!(
+    "\"use strict\";\n(() => {\n",
+    include_str!("script/data.js"),
+    include_str!("script/panel.js"),
+    include_str!("script/lines.js"),
+    include_str!("script/satellites.js"),
+    include_str!("script/track.js"),
+    include_str!("script/sky.js"),
+    include_str!("script/bank.js"),
+    include_str!("script/stanford.js"),
+    include_str!("script/page.js"),
+    include_str!("script/moving.js"),
+    "})();"
+);
 
 /// Rows of a table in the page; how many more there are is said below it.
 const TABLE_ROWS: usize = 100;

@@ -1,4 +1,5 @@
-//! Reading what `surefix replay` wrote: `epochs.csv` and, when truth was given, `errors.csv`.
+//! Reading what `surefix replay` wrote: `epochs.csv` and, where they are there, `errors.csv` and
+//! `satellites.csv`.
 //!
 //! Row by row: with the columns of a bank the file of a day is much larger than what is kept of it.
 
@@ -9,6 +10,8 @@ use std::path::Path;
 
 use anyhow::{Context, Result, anyhow, bail};
 
+use super::satellites::Satellites;
+
 /// One receiver epoch as a row of `epochs.csv` has it; `None` where the row has no value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
@@ -18,8 +21,10 @@ pub struct Row {
     pub week: Option<f64>,
     /// GPS time of week, s.
     pub tow_s: Option<f64>,
-    /// A position was computed.
-    pub has_position: bool,
+    /// Position, ECEF, m, where one was computed.
+    pub r_e_m: Option<[f64; 3]>,
+    /// Its latitude and longitude, degrees, and height, m.
+    pub llh: Option<[f64; 3]>,
     /// Satellites used.
     pub n_sats: Option<f64>,
     /// Satellites received, where the file says so.
@@ -77,25 +82,28 @@ pub struct Table {
     pub has_used: bool,
     /// Names that have columns of the bank, in the order of the columns.
     pub tested: Vec<String>,
+    /// What `satellites.csv` says, where it is there.
+    pub satellites: Option<Satellites>,
 }
 
 /// The first line of a CSV file without quoting, as surefix writes it.
-struct Csv {
+pub struct Csv {
     columns: HashMap<String, usize>,
     /// As they stand.
     names: Vec<String>,
 }
 
 /// One of the other lines.
-struct Line<'a> {
+pub struct Line<'a> {
     csv: &'a Csv,
-    number: usize,
+    /// Counted from 1.
+    pub number: usize,
     fields: Vec<&'a str>,
 }
 
 impl Csv {
     /// Reads the first line, which must hold the columns of these names, and gives every other to `take`.
-    fn read(
+    pub fn read(
         mut from: impl BufRead,
         required: &[&str],
         take: &mut dyn FnMut(&Line<'_>) -> Result<()>,
@@ -140,11 +148,13 @@ impl Csv {
 }
 
 impl Line<'_> {
-    fn text(&self, name: &str) -> &str {
+    /// The text of a column, empty where there is none.
+    pub fn text(&self, name: &str) -> &str {
         self.csv.columns.get(name).map_or("", |k| self.fields[*k])
     }
 
-    fn number(&self, name: &str) -> Result<Option<f64>> {
+    /// The number of a column, where it has a finite one.
+    pub fn number(&self, name: &str) -> Result<Option<f64>> {
         match self.csv.columns.get(name) {
             Some(place) => Ok(self.number_at(*place)?.filter(|value| value.is_finite())),
             None => Ok(None),
@@ -197,6 +207,11 @@ fn tested(first_line: &str) -> Vec<String> {
         .collect()
 }
 
+/// All three, or none.
+fn three(a: Option<f64>, b: Option<f64>, c: Option<f64>) -> Option<[f64; 3]> {
+    Some([a?, b?, c?])
+}
+
 /// Satellites joined by `+`, or `-` for none.
 fn satellites(text: &str) -> Vec<String> {
     text.split('+')
@@ -206,7 +221,7 @@ fn satellites(text: &str) -> Vec<String> {
 }
 
 /// Time in whole microseconds, to find the row of another file that is of the same epoch.
-fn time_key(t_s: f64) -> i64 {
+pub fn time_key(t_s: f64) -> i64 {
     (t_s * 1e6).round() as i64
 }
 
@@ -239,7 +254,8 @@ fn parse_epochs(mut from: impl BufRead) -> Result<Table> {
             t_s,
             week: number("week")?,
             tow_s: number("tow_s")?,
-            has_position: number("x_m")?.is_some(),
+            r_e_m: three(number("x_m")?, number("y_m")?, number("z_m")?),
+            llh: three(number("lat_deg")?, number("lon_deg")?, number("h_m")?),
             n_sats: number("n_sats")?,
             n_visible: number("n_visible")?,
             integrity: line.text("integrity").to_owned(),
@@ -265,6 +281,7 @@ fn parse_epochs(mut from: impl BufRead) -> Result<Table> {
         has_errors: false,
         has_used: csv.columns.contains_key("used"),
         tested,
+        satellites: None,
     })
 }
 
@@ -285,10 +302,10 @@ fn add_errors(rows: &mut [Row], from: impl BufRead) -> Result<()> {
 }
 
 impl Table {
-    /// Reads `epochs.csv` and `errors.csv` of a directory.
+    /// Reads `epochs.csv`, `errors.csv` and `satellites.csv` of a directory.
     ///
     /// # Errors
-    /// When there is no `epochs.csv`, or one of the two is not of the form surefix writes.
+    /// When there is no `epochs.csv`, or one of the files is not of the form surefix writes.
     pub fn read(directory: &Path) -> Result<Self> {
         let path = directory.join("epochs.csv");
         let file = File::open(&path).with_context(|| {
@@ -308,6 +325,14 @@ impl Table {
             add_errors(&mut table.rows, BufReader::new(file))
                 .with_context(|| format!("{}", path.display()))?;
         }
+        let path = directory.join("satellites.csv");
+        if path.exists() {
+            let file =
+                File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
+            let satellites = Satellites::read(BufReader::new(file), &table.rows)
+                .with_context(|| format!("{}", path.display()))?;
+            table.satellites = Some(satellites);
+        }
         Ok(table)
     }
 }
@@ -325,10 +350,20 @@ impl Row {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
 
     const HEADER: &str = "t_s,integrity,reason,hpl_m,vpl_m,excluded";
+
+    /// Epochs of a run, one second apart.
+    pub fn rows(count: usize) -> Vec<Row> {
+        let lines: String = (0..count)
+            .map(|k| format!("{k},nominal,none,5,9,-\n"))
+            .collect();
+        parse_epochs(format!("{HEADER}\n{lines}").as_bytes())
+            .unwrap()
+            .rows
+    }
 
     #[test]
     fn a_row_without_values_is_still_an_epoch() {

@@ -1,159 +1,18 @@
 //! Broadcast ephemerides: 1019 (GPS), 1042 (BDS), 1045 (Galileo F/NAV), 1046 (Galileo I/NAV).
 //!
-//! Fields keep the units of the broadcast: angles in semicircles, times in the system's own week.
-//! All scale factors are powers of two but those of the BDS group delays (0.1 ns), so every value is
-//! exact. [RTCM-3] table 3.5-21 and the tables of 1042, 1045 and 1046.
+//! [RTCM-3] table 3.5-21 and the tables of 1042, 1045 and 1046.
 
 use super::ContentError;
-use crate::wire::bits::{BitCursor, Bits};
+use crate::wire::bits::Bits;
+use crate::wire::broadcast::fields::{Fields, two_to_minus};
 
-/// Which navigation message was relayed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "defmt", derive(defmt::Format))]
-pub enum Source {
-    /// GPS LNAV, 1019.
-    GpsLnav,
-    /// BDS D1 or D2, 1042.
-    BdsD1D2,
-    /// Galileo F/NAV, 1045.
-    GalileoFnav,
-    /// Galileo I/NAV, 1046.
-    GalileoInav,
-}
-
-/// An ephemeris in the units of its broadcast.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BroadcastEphemeris {
-    /// Which message.
-    pub source: Source,
-    /// Number of the satellite in its system.
-    pub satellite: u8,
-    /// Week of transmission: GPS modulo 1024, BDT, or GST modulo 4096.
-    pub week: u16,
-    /// toe, s of the system's week.
-    pub toe_s: u32,
-    /// toc, s of the system's week.
-    pub toc_s: u32,
-    /// IODE, AODE or IODnav.
-    pub issue: u16,
-    /// URA index, URAI or SISA index.
-    pub accuracy_index: u8,
-    /// GPS: six health bits. BDS: SatH1. Galileo as in RINEX: bit 0 E1-B data validity, 1 and 2 E1-B
-    /// health, 3 E5a data validity, 4 and 5 E5a health, 6 E5b data validity, 7 and 8 E5b health.
-    pub health: u16,
-    /// √A, √m.
-    pub sqrt_a: f64,
-    /// e.
-    pub eccentricity: f64,
-    /// i0, semicircles.
-    pub i0_sc: f64,
-    /// di/dt, semicircles/s.
-    pub idot_scps: f64,
-    /// Ω0, semicircles.
-    pub omega0_sc: f64,
-    /// dΩ/dt, semicircles/s.
-    pub omega_dot_scps: f64,
-    /// ω, semicircles.
-    pub argument_of_perigee_sc: f64,
-    /// M0, semicircles.
-    pub m0_sc: f64,
-    /// Δn, semicircles/s.
-    pub delta_n_scps: f64,
-    /// Cuc, rad.
-    pub cuc_rad: f64,
-    /// Cus, rad.
-    pub cus_rad: f64,
-    /// Crc, m.
-    pub crc_m: f64,
-    /// Crs, m.
-    pub crs_m: f64,
-    /// Cic, rad.
-    pub cic_rad: f64,
-    /// Cis, rad.
-    pub cis_rad: f64,
-    /// af0, s.
-    pub af0_s: f64,
-    /// af1, s/s.
-    pub af1_sps: f64,
-    /// af2, s/s².
-    pub af2_sps2: f64,
-    /// TGD and 0; TGD1 and TGD2; BGD(E1,E5a) and BGD(E1,E5b), of which F/NAV has the first only; s.
-    pub group_delay_s: [f64; 2],
-}
-
-/// 2 to the power −`exponent`, exact.
-const fn two_to_minus(exponent: u32) -> f64 {
-    1.0 / (1_u64 << (exponent & 63)) as f64
-}
-
-/// Reads fields in order; the first that is missing makes the rest missing.
-struct Fields<'a> {
-    cursor: BitCursor<'a>,
-    is_complete: bool,
-}
-
-impl Fields<'_> {
-    fn unsigned(&mut self, width: u32) -> u64 {
-        let value = self.cursor.unsigned(width);
-        self.is_complete &= value.is_some();
-        value.unwrap_or(0)
-    }
-
-    fn signed(&mut self, width: u32) -> i64 {
-        let value = self.cursor.signed(width);
-        self.is_complete &= value.is_some();
-        value.unwrap_or(0)
-    }
-
-    /// A signed field in units of 2 to the power −`exponent`.
-    fn scaled(&mut self, width: u32, exponent: u32) -> f64 {
-        self.signed(width) as f64 * two_to_minus(exponent)
-    }
-
-    /// An unsigned field in units of 2 to the power −`exponent`.
-    fn scaled_unsigned(&mut self, width: u32, exponent: u32) -> f64 {
-        self.unsigned(width) as f64 * two_to_minus(exponent)
-    }
-}
+pub use crate::wire::broadcast::{BroadcastEphemeris, Source};
 
 impl BroadcastEphemeris {
-    const ZERO: Self = Self {
-        source: Source::GpsLnav,
-        satellite: 0,
-        week: 0,
-        toe_s: 0,
-        toc_s: 0,
-        issue: 0,
-        accuracy_index: 0,
-        health: 0,
-        sqrt_a: 0.0,
-        eccentricity: 0.0,
-        i0_sc: 0.0,
-        idot_scps: 0.0,
-        omega0_sc: 0.0,
-        omega_dot_scps: 0.0,
-        argument_of_perigee_sc: 0.0,
-        m0_sc: 0.0,
-        delta_n_scps: 0.0,
-        cuc_rad: 0.0,
-        cus_rad: 0.0,
-        crc_m: 0.0,
-        crs_m: 0.0,
-        cic_rad: 0.0,
-        cis_rad: 0.0,
-        af0_s: 0.0,
-        af1_sps: 0.0,
-        af2_sps2: 0.0,
-        group_delay_s: [0.0; 2],
-    };
-
     /// Reads message `number`: 1019, 1042, 1045 or 1046.
     #[inline(never)]
     pub fn parse(bits: Bits<'_>, number: u16) -> Result<Self, ContentError> {
-        let mut f = Fields {
-            cursor: BitCursor::new(bits, 12),
-            is_complete: true,
-        };
+        let mut f = Fields::new(bits, 12);
         let mut ephemeris = Self::ZERO;
         match number {
             1019 => ephemeris.read_gps(&mut f),
@@ -165,16 +24,10 @@ impl BroadcastEphemeris {
         if !f.is_complete {
             return Err(ContentError::Truncated { number });
         }
-        for value in [ephemeris.toe_s, ephemeris.toc_s] {
-            if value >= 604_800 {
-                return Err(ContentError::IllegalValue { number, value });
-            }
+        match ephemeris.illegal_value() {
+            Some(value) => Err(ContentError::IllegalValue { number, value }),
+            None => Ok(ephemeris),
         }
-        // No orbit has a semi-major axis below 1 m; a message of zeros is none.
-        if ephemeris.sqrt_a < 1.0 {
-            return Err(ContentError::IllegalValue { number, value: 0 });
-        }
-        Ok(ephemeris)
     }
 
     fn read_gps(&mut self, f: &mut Fields<'_>) {

@@ -14,7 +14,6 @@ pub mod rawx;
 pub mod sfrbx;
 
 pub use rawx::{Measurement, Rawx};
-pub use sfrbx::Sfrbx;
 
 /// The two bytes a frame starts with.
 pub const PREAMBLE: [u8; 2] = [0xB5, 0x62];
@@ -79,11 +78,6 @@ pub enum PayloadError {
     },
     /// The receiver does not know the week yet.
     WeekUnknown,
-    /// More words than any navigation message has that is used here.
-    TooManyWords {
-        /// How many.
-        count: u8,
-    },
 }
 
 /// The two sums of [UBX-F9-HPG] 3.4, after RFC 1145.
@@ -118,8 +112,9 @@ impl<'a> Frame<'a> {
             return Err(FrameError::TooLong { length });
         }
         let is_possible = match message {
-            RXM_RAWX => rawx::length_is_possible(length, rest),
-            RXM_SFRBX => sfrbx::length_is_possible(length, rest),
+            // Empty, it asks for the message.
+            RXM_RAWX if length > 0 => rawx::length_is_possible(length, rest),
+            RXM_SFRBX if length > 0 => sfrbx::length_is_possible(length, rest),
             _ => true,
         };
         if !is_possible {

@@ -1,4 +1,5 @@
-//! RXM-RAWX: what the receiver measured at one instant. [UBX-F9-HPG] 3.17.6, [UBX-M8] 32.18.7
+//! RXM-RAWX: what the receiver measured at one instant. [UBX-F9-HPG] UBX-RXM-RAWX
+//! (version 1 of the message), [UBX-M8] UBX-RXM-RAWX (version 0)
 
 use super::PayloadError;
 
@@ -102,8 +103,8 @@ impl<'a> Rawx<'a> {
             return Err(PayloadError::Length);
         }
         let tow_s = f64::from_le_bytes([t0, t1, t2, t3, t4, t5, t6, t7]);
-        // Written so that NaN refuses. A clock ahead of the week's end by less than a second is as it is.
-        if !(tow_s >= -1.0 && tow_s <= SECONDS_PER_WEEK + 1.0) {
+        // NaN is in no range. A clock ahead of the week's end by less than a second is as it is.
+        if !(-1.0..=SECONDS_PER_WEEK + 1.0).contains(&tow_s) {
             return Err(PayloadError::TimeOfWeek { tow_s });
         }
         let week = u16::from_le_bytes([w0, w1]);

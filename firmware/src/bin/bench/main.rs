@@ -32,6 +32,8 @@ mod risk;
 mod sky;
 #[cfg(target_os = "none")]
 mod stages;
+#[cfg(target_os = "none")]
+mod subframes;
 
 #[cfg(not(target_os = "none"))]
 fn main() {}

@@ -1,7 +1,9 @@
-//! RTCM 3 frames to decode. Layouts: [RTCM-3] tables 3.5-78 to 3.5-91 (MSM7), 3.5-21 (1019).
+//! RTCM 3 and UBX frames to decode. Layouts: [RTCM-3] tables 3.5-78 to 3.5-91 (MSM7), 3.5-21 (1019);
+//! [UBX-F9-HPG] UBX-RXM-RAWX.
 
 use super::sky::Random;
 use surefix_core::wire::crc::crc24q;
+use surefix_core::wire::ubx;
 
 /// Longest frame.
 pub const CAPACITY: usize = 1029;
@@ -100,4 +102,38 @@ pub fn gps_ephemeris(random: &mut Random, prn: u8, out: &mut [u8; CAPACITY]) -> 
         bits.put(5, 8);
         bits.put(0, 6 + 1 + 1);
     })
+}
+
+/// Room for an RXM-RAWX with 48 measurements.
+pub const UBX_CAPACITY: usize = 8 + 16 + 48 * 32;
+
+/// A frame of UBX with content that is there already, `length` bytes from the seventh on.
+fn ubx_frame(message: [u8; 2], length: usize, out: &mut [u8; UBX_CAPACITY]) -> usize {
+    out[..2].copy_from_slice(&ubx::PREAMBLE);
+    out[2..4].copy_from_slice(&message);
+    out[4..6].copy_from_slice(&(length as u16).to_le_bytes());
+    let sum = ubx::checksum(&out[2..6 + length]);
+    out[6 + length..8 + length].copy_from_slice(&sum);
+    8 + length
+}
+
+/// An RXM-RAWX with `n` satellites, GPS up to 32 and Galileo beyond, each with one signal.
+pub fn rawx(random: &mut Random, n: usize, tow_s: f64, out: &mut [u8; UBX_CAPACITY]) -> usize {
+    *out = [0; UBX_CAPACITY];
+    out[6..14].copy_from_slice(&tow_s.to_le_bytes());
+    out[14..16].copy_from_slice(&2200_u16.to_le_bytes());
+    out[17] = n as u8;
+    out[18] = 1;
+    out[19] = 1;
+    for (k, m) in out[22..].chunks_exact_mut(32).take(n).enumerate() {
+        let range_m = 2.1e7 + 4e6 * random.unit();
+        m[..8].copy_from_slice(&range_m.to_le_bytes());
+        m[8..16].copy_from_slice(&(range_m * 5.25).to_le_bytes());
+        m[16..20].copy_from_slice(&(3000.0 * random.unit() as f32).to_le_bytes());
+        m[20] = if k < 32 { 0 } else { 2 };
+        m[21] = 1 + (k % 32) as u8;
+        m[26] = 45;
+        m[30] = 0b111;
+    }
+    ubx_frame(ubx::RXM_RAWX, 16 + 32 * n, out)
 }

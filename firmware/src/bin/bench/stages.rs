@@ -3,6 +3,7 @@
 use super::measure::{RUNS, Row, require};
 use super::messages;
 use super::sky::{self, Random};
+use super::subframes;
 use core::hint::black_box;
 use static_cell::ConstStaticCell;
 use surefix_core::budget::{Ledger, NoCounter};
@@ -18,6 +19,7 @@ use surefix_core::raim::parity;
 use surefix_core::raim::slope::Sensitivity;
 use surefix_core::raim::thresholds::RaimTable;
 use surefix_core::snapshot::SnapshotMonitor;
+use surefix_core::wire::broadcast::{Collector, Subframe};
 
 /// Satellites and constellations of the rows.
 const SKIES: [(usize, usize); 7] = [(6, 1), (8, 1), (12, 1), (16, 1), (24, 1), (24, 3), (48, 3)];
@@ -31,6 +33,7 @@ const CONFIG: Config = Config {
 };
 
 static INGEST: ConstStaticCell<Ingest> = ConstStaticCell::new(Ingest::EMPTY);
+static COLLECTOR: ConstStaticCell<Collector> = ConstStaticCell::new(Collector::EMPTY);
 static STORE: ConstStaticCell<EphemerisStore> = ConstStaticCell::new(EphemerisStore::EMPTY);
 static EPOCH: ConstStaticCell<ObservationEpoch> = ConstStaticCell::new(ObservationEpoch::EMPTY);
 static SNAPSHOT: ConstStaticCell<SnapshotWorkspace> =
@@ -49,6 +52,7 @@ static TABLE: ConstStaticCell<RaimTable> = ConstStaticCell::new(RaimTable::EMPTY
 #[inline(never)]
 pub fn all() {
     decode();
+    decode_subframes();
     solution();
     raim();
 }
@@ -95,6 +99,95 @@ fn decode() {
         }
         row.print("decode/msm7", Some(n), None);
     }
+    decode_ubx(ingest, &mut random);
+}
+
+/// The same of a u-blox receiver. By its own time, later than that of the MSM by more than those of one
+/// source keep another one silent.
+#[inline(never)]
+fn decode_ubx(ingest: &mut Ingest, random: &mut Random) {
+    let mut bytes = [0; messages::UBX_CAPACITY];
+    let mut tow_s = 346_000.996;
+    for (n, clocks) in SKIES {
+        if clocks > 1 && n < 48 {
+            continue;
+        }
+        let mut row = Row::new();
+        for _ in 0..RUNS {
+            tow_s += 1.0;
+            let length = messages::rawx(random, n, tow_s, &mut bytes);
+            let mut event = Event::Nothing;
+            row.run(|| (_, event) = ingest.push(black_box(&bytes[..length])));
+            require(
+                event == Event::EpochReady && ingest.epoch().satellites.len() == n,
+                "the epoch was refused",
+            );
+        }
+        row.print("decode/rawx", Some(n), None);
+    }
+}
+
+/// The subframe or page that completes an ephemeris, of a satellite after another.
+#[inline(never)]
+fn decode_subframes() {
+    let collector = COLLECTOR.take();
+    let mut random = Random::new(4);
+    let mut words = [0; 40];
+    let mut take = |prn: usize, gnss_id: u8, sig_id: u8, words: &[u8], row: Option<&mut Row>| {
+        let subframe = Subframe {
+            gnss_id,
+            sv_id: 1 + prn as u8,
+            sig_id,
+            words,
+        };
+        let mut taken = None;
+        let mut work = || taken = collector.take(black_box(&subframe)).ok();
+        match row {
+            Some(row) => row.run(work),
+            None => work(),
+        }
+        require(taken.is_some(), "a subframe was refused");
+        taken.is_some_and(|collected| collected.ephemeris.is_some())
+    };
+
+    let mut row = Row::new();
+    for prn in 0..RUNS {
+        let mut given = false;
+        for number in 1..=3 {
+            subframes::lnav(&mut random, number, &mut words);
+            given = take(prn, 0, 0, &words, (number == 3).then_some(&mut row));
+        }
+        require(given, "an ephemeris is missing");
+    }
+    row.print("decode/sfrbx_lnav", None, None);
+
+    let mut row = Row::new();
+    for prn in 0..RUNS {
+        let mut given = false;
+        for number in 1..=5 {
+            subframes::inav(&mut random, number, 1 + prn as u8, &mut words);
+            let page = &words[..subframes::PAGE];
+            given = take(prn, 2, 1, page, (number == 5).then_some(&mut row));
+        }
+        require(given, "an ephemeris is missing");
+    }
+    row.print("decode/sfrbx_inav", None, None);
+
+    let mut row = Row::new();
+    for prn in 0..RUNS {
+        let mut given = false;
+        for pass in 0..2 {
+            // The same content in both passes.
+            let mut random = Random::new(5 + prn as u64);
+            for number in 1..=3 {
+                subframes::d1(&mut random, number, pass, &mut words);
+                let is_last = (pass, number) == (1, 3);
+                given = take(prn, 3, 0, &words, is_last.then_some(&mut row));
+            }
+        }
+        require(given, "an ephemeris is missing");
+    }
+    row.print("decode/sfrbx_d1", None, None);
 }
 
 /// From an epoch to a position, and the whole monitor of an epoch.

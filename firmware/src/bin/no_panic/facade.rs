@@ -17,6 +17,7 @@ use surefix_core::ins::{
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
+use surefix_core::satellite_report::{SatelliteReport, SatelliteUse};
 use surefix_core::snapshot::SnapshotMonitor;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries, TightMonitor};
 use surefix_core::time::GpsTime;
@@ -171,7 +172,12 @@ fn snapshot(epoch: &ObservationEpoch) {
         Satellite::from_index(black_box(0)),
     ) {
         let workspace = monitor.workspace();
-        call3(SnapshotWorkspace::left_out, workspace, satellite, &solution);
+        call3(
+            SnapshotWorkspace::row_left_out,
+            workspace,
+            satellite,
+            &solution,
+        );
         call3(
             SnapshotMonitor::disagreement,
             &monitor,
@@ -224,6 +230,29 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     }
     call2(BankReport::encode, &report, out);
     call1(BankReport::decode, bytes);
+
+    let report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
+    let mut satellites = SatelliteReport::EMPTY;
+    call3(
+        Monitor::satellite_report,
+        &monitor,
+        &report,
+        &mut satellites,
+    );
+    call3(
+        |satellites: &mut SatelliteReport, workspace, report| {
+            SatelliteReport::fill(satellites, &ObservationEpoch::EMPTY, workspace, report);
+        },
+        &mut satellites,
+        &SnapshotWorkspace::EMPTY,
+        &report,
+    );
+    call2(SatelliteReport::encode, &satellites, out);
+    if let Ok(satellites) = SatelliteReport::decode(black_box(bytes))
+        && let Some(row) = satellites.rows.first()
+    {
+        call1(SatelliteUse::name, row.fate);
+    }
 }
 
 fn tight() {
@@ -253,6 +282,15 @@ fn tight() {
     let mut workspace = SnapshotWorkspace::EMPTY;
     if let Some(satellite) = Satellite::new(System::Gps, black_box(1)) {
         call2(SnapshotWorkspace::sigma, &workspace, satellite);
+        call2(SnapshotWorkspace::reason_left_out, &workspace, satellite);
+        call2(SnapshotWorkspace::direction_rad, &workspace, satellite);
+        call2(SnapshotWorkspace::cn0_dbhz, &workspace, satellite);
+        call3(
+            SnapshotWorkspace::range_residual_m,
+            &workspace,
+            satellite,
+            [0.0; 3],
+        );
     }
     let corrected = SnapshotWorkspace::corrected(
         black_box(&mut workspace),

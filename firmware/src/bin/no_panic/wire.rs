@@ -3,12 +3,14 @@
 use crate::call::{call1, call2, call3, call4};
 use core::hint::black_box;
 use surefix_core::wire::bits::{BitCursor, Bits};
+use surefix_core::wire::broadcast::{Collector, Subframe};
 use surefix_core::wire::crc;
 use surefix_core::wire::native::{self, Frame, Kind, Reader, Writer};
 use surefix_core::wire::rtcm3::{
     BroadcastEphemeris, Cell, Constellation, Message, Msm, MsmHeader, StationPosition, header,
     signals,
 };
+use surefix_core::wire::ubx::{self, Rawx, sfrbx};
 use surefix_core::wire::{Counters, Scanner};
 
 pub fn all() {
@@ -18,7 +20,9 @@ pub fn all() {
     bits(bytes);
     native_frame(bytes);
     rtcm3(bytes);
+    broadcast(bytes);
     scanner(bytes);
+    u_blox(bytes);
 }
 
 fn rtcm3(bytes: &[u8]) {
@@ -41,6 +45,29 @@ fn rtcm3(bytes: &[u8]) {
             });
         }
     }
+}
+
+fn u_blox(bytes: &[u8]) {
+    call1(ubx::checksum, bytes);
+    call1(ubx::Frame::parse, bytes);
+    call1(ubx::Frame::from_checked, bytes);
+    call1(Rawx::parse, bytes);
+    if let Ok(rawx) = Rawx::parse(black_box(bytes)) {
+        call1(|rawx| Rawx::measurements(rawx).last(), &rawx);
+    }
+    call1(sfrbx::parse, bytes);
+}
+
+fn broadcast(bytes: &[u8]) {
+    let mut collector = Collector::EMPTY;
+    let subframe = Subframe {
+        gnss_id: black_box(0),
+        sv_id: black_box(1),
+        sig_id: black_box(0),
+        words: bytes,
+    };
+    call2(Collector::take, &mut collector, &subframe);
+    call1(Collector::clear, &mut collector);
 }
 
 fn scanner(bytes: &[u8]) {

@@ -1,0 +1,178 @@
+//! The UBX decoder against an independent one (the crate ublox) and against RINEX files that RTKLIB made of
+//! the same recordings.
+
+mod common;
+
+use std::collections::BTreeMap;
+
+use surefix_core::gnss::{ObservationEpoch, SignalObservation};
+use surefix_core::ingest::{Event, Ingest};
+use surefix_core::time::GpsTime;
+use surefix_core::wire::Counters;
+use surefix_host_tests::mutate::Known;
+use surefix_host_tests::rinex::{self, ObservationReader, read_unzipped};
+use ublox::proto27::{PacketRef, Proto27};
+use ublox::{ParserBuilder, UbxPacket};
+
+const WALK: &str = "data/walk0827-x20p-imu/gnss_1730.ubx";
+const SPIRENT: &str = "data/instinct-spirent-f9p-ubx/Spirent_ublox-F9P_static_duration-15min_sys-GPS-GAL_iono-Klobuchar_tropo-Saastamoinen";
+const BESANCON: &str =
+    "data/besancon-f9-coldstart-nominal/16dBatt_no_interference_coldstart.ubx.gz";
+const F9T: &str = "data/ubx-parser-corpus/F9T-L2-5min.ubx.gz";
+const F9H: &str = "data/ubx-parser-corpus/swift_rxm_rawx.ubx";
+const M8: &str = "data/ubx-parser-corpus/swift_rxm_sfrbx_glo.ubx";
+
+fn decode(stream: &[u8]) -> (Vec<ObservationEpoch>, Counters) {
+    let mut ingest = Box::new(Ingest::EMPTY);
+    let mut epochs = Vec::new();
+    let mut rest = stream;
+    loop {
+        let (used, event) = ingest.push(rest);
+        rest = &rest[used..];
+        match event {
+            Event::EpochReady => epochs.push(ingest.epoch().clone()),
+            Event::Nothing if rest.is_empty() => break,
+            _ => {}
+        }
+    }
+    while ingest.finish() != Event::EndOfStream {}
+    (epochs, *ingest.counters())
+}
+
+/// Measurements with a valid pseudorange by the ublox crate, per message, with gnssId, svId, sigId.
+fn peer(stream: &[u8]) -> Vec<(f64, u16, Vec<[u8; 3]>)> {
+    let mut parser = ParserBuilder::new()
+        .with_protocol::<Proto27>()
+        .with_vec_buffer();
+    let mut packets = parser.consume_ubx(stream);
+    let mut messages = Vec::new();
+    while let Some(packet) = packets.next() {
+        if let Ok(UbxPacket::Proto27(PacketRef::RxmRawx(rawx))) = packet {
+            let measured = rawx
+                .measurements()
+                .filter(|m| m.trk_stat().bits() & 1 != 0)
+                .map(|m| [m.gnss_id(), m.sv_id(), m.reserved2()])
+                .collect();
+            messages.push((rawx.rcv_tow(), rawx.week(), measured));
+        }
+    }
+    messages
+}
+
+/// INT-051.
+#[test]
+fn every_observation_is_what_the_ublox_crate_reads_and_none_is_missing() {
+    for (name, expected) in [
+        (WALK, 536),
+        (&format!("{SPIRENT}.ubx"), 1600),
+        (BESANCON, 562),
+        (F9T, 299),
+        (F9H, 2),
+        (M8, 69),
+    ] {
+        let Some(path) = common::shared(name) else {
+            continue;
+        };
+        let stream = read_unzipped(&path).unwrap();
+        let (epochs, counters) = decode(&stream);
+        assert_eq!(epochs.len(), expected, "{name}");
+        // Values: every observation is one of those the crate reads.
+        let known = Known::of_frames_with_a_right_sum(&stream);
+        let ours = Known::of(&stream);
+        let mut observations = 0;
+        for sent in ours.observations() {
+            assert!(known.contains(sent), "{name}: {sent:?}");
+            observations += 1;
+        }
+        // Numbers: none that is navigated with is missing.
+        let messages: Vec<_> = peer(&stream).into_iter().filter(|m| m.1 != 0).collect();
+        assert_eq!(messages.len(), expected, "{name}");
+        for (epoch, (tow_s, week, measured)) in epochs.iter().zip(&messages) {
+            let time = GpsTime::from_week_tow_ns((*week).into(), (tow_s * 1e9).round() as i64);
+            assert_eq!(epoch.time, time, "{name}");
+            let navigated = measured
+                .iter()
+                .filter(|[gnss_id, ..]| [0, 2, 3].contains(gnss_id));
+            let signals: usize = epoch.satellites.iter().map(|s| s.signals.len()).sum();
+            assert_eq!(signals, navigated.count(), "{name} at {tow_s} s");
+        }
+        assert_eq!(
+            counters.signals_lost + counters.satellites_lost,
+            0,
+            "{name}"
+        );
+        assert_eq!(counters.duplicate_observations, 0, "{name}");
+        eprintln!(
+            "{name}: {} epochs, {observations} different observations, all as the ublox crate reads them",
+            epochs.len()
+        );
+    }
+}
+
+/// Observations by satellite and carrier; RTKLIB has names of its own for the channels of a signal.
+fn by_carrier(epoch: &ObservationEpoch) -> BTreeMap<(String, u64), SignalObservation> {
+    epoch
+        .satellites
+        .iter()
+        .flat_map(|s| s.signals.iter().map(move |o| (s.satellite, *o)))
+        .filter_map(|(satellite, o)| {
+            let frequency_hz = o.signal.frequency_hz(satellite.system())?;
+            Some(((satellite.to_string(), frequency_hz as u64), o))
+        })
+        .collect()
+}
+
+/// INT-051.
+#[test]
+fn observations_are_those_of_rinex_files_that_rtklib_made() {
+    for (ubx, obs, at_least) in [
+        (
+            WALK.to_owned(),
+            "data/walk0827-x20p-imu/derived_convbin.obs".to_owned(),
+            25_000,
+        ),
+        (format!("{SPIRENT}.ubx"), format!("{SPIRENT}.obs"), 25_000),
+    ] {
+        let (Some(ubx), Some(obs)) = (common::shared(&ubx), common::shared(&obs)) else {
+            continue;
+        };
+        let (epochs, _) = decode(&read_unzipped(&ubx).unwrap());
+        let times: BTreeMap<i64, &ObservationEpoch> = epochs
+            .iter()
+            .map(|epoch| (epoch.time.ns() / 1_000_000, epoch))
+            .collect();
+        let (text, _) = rinex::text_of(read_unzipped(&obs).unwrap()).unwrap();
+        let mut reader = ObservationReader::new(&text).unwrap();
+        let mut theirs = ObservationEpoch::EMPTY;
+        let (mut compared, mut absent, mut dopplers) = (0, 0, 0);
+        while reader.next_epoch(&mut theirs) {
+            let ours = by_carrier(times[&(theirs.time.ns() / 1_000_000)]);
+            for (key, their) in by_carrier(&theirs) {
+                let Some(their_m) = their.pseudorange_m else {
+                    continue;
+                };
+                // RTKLIB writes pseudoranges without their validity bit too.
+                let Some(our) = ours.get(&key) else {
+                    absent += 1;
+                    continue;
+                };
+                assert!(
+                    (our.pseudorange_m.unwrap() - their_m).abs() <= 0.000_51,
+                    "{key:?}"
+                );
+                if let (Some(our), Some(their)) = (our.range_rate_mps, their.range_rate_mps) {
+                    // To 0.5 mHz of Doppler.
+                    assert!((our - their).abs() < 0.000_2, "{key:?}");
+                    dopplers += 1;
+                }
+                assert_eq!(our.cn0_dbhz, their.cn0_dbhz, "{key:?}");
+                compared += 1;
+            }
+        }
+        eprintln!(
+            "{}: {compared} pseudoranges and {dopplers} range rates equal, {absent} without their validity bit",
+            obs.display()
+        );
+        assert!(compared > at_least && dopplers > at_least && absent * 50 < compared);
+    }
+}
