@@ -2,6 +2,7 @@
 //!
 //! Seeds are fixed: a test gives the same counts on every machine.
 
+use surefix_core::integrity::Phase;
 use surefix_host_tests::campaign::double_faults::{
     ConstellationFaults, DURATION_S, DoubleFaults, ONSET_S,
 };
@@ -11,6 +12,7 @@ use surefix_host_tests::campaign::outcome::{self, Campaign, Outcome, merge};
 use surefix_host_tests::campaign::rig::BankModel;
 use surefix_host_tests::campaign::seed_ramp::{FaultRecord, SeedRamp};
 use surefix_host_tests::campaign::seed_sweep::{self, SeedSweep};
+use surefix_host_tests::campaign::time_to_alert::{TimeToAlert, is_late};
 use surefix_host_tests::faults::FaultKind;
 
 fn run<C: Campaign>(trials: u64) -> Outcome<C::Record> {
@@ -129,6 +131,27 @@ fn a_constellation_at_fault_leaves_no_usable_epoch_above_the_level() {
             let all = (DURATION_S - ONSET_S + 1) as u64;
             assert_eq!(record.fate.usable[0], all, "{record:?}");
         }
+    }
+}
+
+/// Ramps on the hardest satellite at 40 places and times, with exclusion and without.
+/// INT-064.
+#[test]
+fn in_every_phase_of_flight_a_ramp_is_told_before_its_error_passes_the_limit() {
+    let outcome = run::<TimeToAlert>(40);
+    for phase in Phase::ALL {
+        let limit_s = phase.requirements().time_to_alert_s;
+        let of = || outcome.of().filter(|r| r.phase == phase.name());
+        // Without exclusion the error goes on past the limit: there was something to be told.
+        let passed = of().filter(|r| r.available && !r.excludes && r.passed_s.is_some());
+        assert!(passed.count() >= 20, "{phase:?}");
+        for record in of().filter(|r| r.available) {
+            assert_eq!(is_late(record, limit_s), [false; 2], "{record:?}");
+            assert!(record.told_s.is_some(), "{record:?}");
+            assert!(record.largest_usable < 1.0, "{record:?}");
+            assert!(!record.wrong && record.above_level == 0, "{record:?}");
+        }
+        assert!(of().all(|r| !r.false_alert));
     }
 }
 

@@ -9,7 +9,7 @@
 //! | nothing was usable yet | the first usable verdict |
 //! | an epoch missed: receiver silent, deadline | the next usable verdict |
 //! | unavailable: no level, or one above its limit | verdicts were usable for the time to alert, 10 s at most, without one that was not |
-//! | alert, and a satellite was excluded since the last test that failed | the verdict is usable: the cause is named and gone |
+//! | alert, and a satellite was excluded since the last test that failed | the verdict is usable: the cause is named and gone; with a level above its limit it is `unavailable` |
 //! | alert, otherwise | verdicts were usable for [`HOLD_NS`] without a failed test |
 //!
 //! Why: docs/decisions/011-alerts.md. `unavailable` does not end an alert, it cannot tell that the fault is gone.
@@ -56,12 +56,14 @@ pub enum AlertEvent {
     PassedWithout = 1,
     /// Usable without a satellite that was in when a test last failed.
     Isolated = 2,
+    /// The same with a level above its limit.
+    IsolatedAboveLimit = 3,
     /// A test failed, and no satellite could be named.
-    Fault = 3,
+    Fault = 4,
     /// No test, no level, or a level above its limit.
-    NoLevel = 4,
+    NoLevel = 5,
     /// No epoch, or no answer in time.
-    Missed = 5,
+    Missed = 6,
 }
 
 impl AlertState {
@@ -78,22 +80,28 @@ impl AlertState {
     /// The state after an event, where verdicts have been usable for `usable_ns` by now, and after a level above its
     /// limit must have been for `settle_ns`.
     pub const fn after(self, event: AlertEvent, usable_ns: i64, settle_ns: i64) -> Self {
-        use AlertEvent::{Fault, Isolated, Missed, NoLevel, Passed, PassedWithout};
+        use AlertEvent::{
+            Fault, Isolated, IsolatedAboveLimit, Missed, NoLevel, Passed, PassedWithout,
+        };
         use AlertState::{Alert, Excluded, Interrupted, Nominal, Starting, Unavailable};
         match (self, event) {
             (Starting | Nominal | Excluded | Interrupted | Unavailable | Alert, Fault) => Alert,
 
             (Starting | Nominal | Excluded | Interrupted, Passed) => Nominal,
             (Starting | Nominal | Excluded | Interrupted, PassedWithout | Isolated) => Excluded,
-            (Starting, NoLevel | Missed) => Starting,
-            (Nominal | Excluded | Interrupted, NoLevel) => Unavailable,
+            (Starting, NoLevel | IsolatedAboveLimit | Missed) => Starting,
+            (Nominal | Excluded | Interrupted, NoLevel | IsolatedAboveLimit) => Unavailable,
             (Nominal | Excluded | Interrupted, Missed) => Interrupted,
 
             (Unavailable, Passed) if usable_ns >= settle_ns => Nominal,
             (Unavailable, PassedWithout | Isolated) if usable_ns >= settle_ns => Excluded,
-            (Unavailable, Passed | PassedWithout | Isolated | NoLevel | Missed) => Unavailable,
+            (
+                Unavailable,
+                Passed | PassedWithout | Isolated | IsolatedAboveLimit | NoLevel | Missed,
+            ) => Unavailable,
 
             (Alert, Isolated) => Excluded,
+            (Alert, IsolatedAboveLimit) => Unavailable,
             (Alert, Passed) if usable_ns >= HOLD_NS => Nominal,
             (Alert, PassedWithout) if usable_ns >= HOLD_NS => Excluded,
             (Alert, Passed | PassedWithout | NoLevel | Missed) => Alert,
@@ -189,6 +197,11 @@ impl Alerts {
             (Integrity::Unavailable, Reason::ReceiverSilent | Reason::DeadlineMissed) => {
                 AlertEvent::Missed
             }
+            (Integrity::Unavailable, Reason::HplAboveLimit | Reason::VplAboveLimit)
+                if verdict.excluded.iter().any(is_new) =>
+            {
+                AlertEvent::IsolatedAboveLimit
+            }
             (Integrity::Unavailable, _) => AlertEvent::NoLevel,
         };
         match event {
@@ -205,6 +218,7 @@ impl Alerts {
             AlertEvent::Passed
             | AlertEvent::PassedWithout
             | AlertEvent::Isolated
+            | AlertEvent::IsolatedAboveLimit
             | AlertEvent::NoLevel => self.excluded = verdict.excluded,
         }
         event
@@ -212,7 +226,7 @@ impl Alerts {
 
     fn count(&mut self, event: AlertEvent, now: GpsTime) {
         let forgets = match (self.state, event) {
-            (_, AlertEvent::Fault) => true,
+            (_, AlertEvent::Fault | AlertEvent::IsolatedAboveLimit) => true,
             // A fault is not gone because nothing can be tested, nor back.
             (AlertState::Alert, AlertEvent::NoLevel) | (_, AlertEvent::Missed) => return,
             (
@@ -323,8 +337,18 @@ mod tests {
     /// INT-060. Every pair, by properties that the table of the match does not repeat.
     #[test]
     fn no_event_makes_a_state_better_than_it_says() {
-        use AlertEvent::{Fault, Isolated, Missed, NoLevel, Passed, PassedWithout};
-        let events = [Passed, PassedWithout, Isolated, Fault, NoLevel, Missed];
+        use AlertEvent::{
+            Fault, Isolated, IsolatedAboveLimit, Missed, NoLevel, Passed, PassedWithout,
+        };
+        let events = [
+            Passed,
+            PassedWithout,
+            Isolated,
+            IsolatedAboveLimit,
+            Fault,
+            NoLevel,
+            Missed,
+        ];
         let usable = |state| matches!(state, AlertState::Nominal | AlertState::Excluded);
         for state in AlertState::ALL {
             for event in events {
@@ -336,7 +360,8 @@ mod tests {
                         event != Fault || next == AlertState::Alert,
                         "{state:?} {event:?}"
                     );
-                    if state == AlertState::Alert && event != Isolated && usable_ns < HOLD_NS {
+                    let is_named = matches!(event, Isolated | IsolatedAboveLimit);
+                    if state == AlertState::Alert && !is_named && usable_ns < HOLD_NS {
                         assert_eq!(next, AlertState::Alert, "{event:?}");
                     }
                     if usable(next) {
@@ -413,8 +438,20 @@ mod tests {
         assert_eq!(rig.tell(5.0, fault(&[4])), FAULT);
         assert_eq!(rig.tell(6.0, without(&[4])), HELD);
         assert_eq!(rig.tell(7.0, without(&[4, 7])), EXCLUDED);
+        // A level above its limit is not usable, and no alert.
+        rig.tell(7.1, fault(&[4, 7]));
+        let mut wide = no_level();
+        assert_eq!(rig.tell(7.2, wide), HELD);
+        wide.excluded = set(&[4, 7, 9]);
+        let above = (Integrity::Unavailable, Reason::HplAboveLimit);
+        assert_eq!(rig.tell(7.3, wide), above);
+        for tenth in 0..100 {
+            let t_s = 8.0 + 0.1 * f64::from(tenth);
+            assert_eq!(rig.tell(t_s, without(&[4, 7, 9])), SETTLING);
+        }
+        assert_eq!(rig.tell(18.0, without(&[4, 7, 9])), EXCLUDED);
         // Taken back: nothing is told of it.
-        assert_eq!(rig.tell(8.0, nominal()), NOMINAL);
+        assert_eq!(rig.tell(19.0, nominal()), NOMINAL);
     }
 
     /// INT-060. One opinion may exclude a satellite at an epoch at which the other still used it.

@@ -10,6 +10,7 @@
 //! | `seed-monte-carlo` | a space-time point of [P0]; 120 of them are a flight with a fault | `monte_carlo.rs` |
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
+//! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -31,6 +32,7 @@ pub mod seed_ramp;
 pub mod seed_sweep;
 pub mod sky;
 pub mod steps;
+pub mod time_to_alert;
 pub mod trial;
 
 use std::path::{Path, PathBuf};
@@ -80,7 +82,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -124,6 +126,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
         || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
+        || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
     {
         return Ok(());
     }
@@ -166,7 +169,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, or merge"
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, or merge"
             )
         }
     };

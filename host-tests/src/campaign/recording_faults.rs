@@ -22,7 +22,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
 use surefix_core::config::IonosphereModel;
 use surefix_core::gnss::{Satellite, SatelliteSet};
-use surefix_core::integrity::{Integrity, Phase};
+use surefix_core::integrity::{Integrity, Phase, Reason};
 use surefix_core::report::EpochReport;
 
 use crate::faults::{FaultKind, FaultSpec};
@@ -279,7 +279,7 @@ pub struct Run {
     pub over_capacity: usize,
     /// Epochs that said that the position may be used.
     pub usable: usize,
-    /// Epochs at alert.
+    /// Epochs at alert, without those at which it was held.
     pub alerts: usize,
     /// Epochs with an excluded satellite that no fault was put on.
     pub wrong: usize,
@@ -338,6 +338,12 @@ fn ratios(report: &EpochReport, error: Option<[f64; 3]>) -> [Option<(f64, f64)>;
 fn is_above(report: &EpochReport, error: Option<[f64; 3]>) -> bool {
     let above = |pair: &Option<(f64, f64)>| pair.is_some_and(|(error, level)| !(error <= level));
     report.verdict.integrity.is_usable() && ratios(report, error).iter().any(above)
+}
+
+/// An opinion sees a fault at this epoch; an alert that is held says nothing of it.
+fn is_alerted(report: &EpochReport) -> bool {
+    let verdict = &report.verdict;
+    verdict.integrity == Integrity::Alert && verdict.reason != Reason::AlertHeld
 }
 
 /// One recording with some constellations.
@@ -422,7 +428,7 @@ impl Bench<'_> {
             let verdict = &report.verdict;
             let t_s = output::t_s(report);
             run.usable += usize::from(verdict.integrity.is_usable());
-            run.alerts += usize::from(verdict.integrity == Integrity::Alert);
+            run.alerts += usize::from(is_alerted(report));
             run.wrong += usize::from(is_wrong(report, faults, t_s));
             run.above_level += usize::from(is_above(report, *error));
             let limits = [Some(verdict.hal_m), verdict.val_m];
@@ -484,7 +490,7 @@ impl Bench<'_> {
             }
             let verdict = &report.verdict;
             let is_out = verdict.excluded.contains(fault.satellite);
-            let is_alert = verdict.integrity == Integrity::Alert;
+            let is_alert = is_alerted(report);
             if (is_out || is_alert) && found.detected_s.is_none() {
                 found.detected_s = Some(t_s - fault.t0_s);
                 let opinions = bank.as_deref().and_then(|bank| bank.opinions);

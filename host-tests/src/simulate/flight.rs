@@ -70,6 +70,13 @@ pub enum Flight {
 pub enum Track {
     /// A fixed antenna on a mast.
     Mast,
+    /// The mast elsewhere, in whole degrees, at sea level.
+    MastAt {
+        /// Geodetic latitude, degrees.
+        latitude_deg: i16,
+        /// Longitude, degrees.
+        longitude_deg: i16,
+    },
     /// Level at 660 m over the threshold, then a 3° glide path down to it at 70 m/s.
     Approach,
 }
@@ -105,7 +112,7 @@ impl Track {
     /// How long it lasts unless told otherwise, s.
     pub fn usual_duration_s(self) -> f64 {
         match self {
-            Self::Mast => 600.0,
+            Self::Mast | Self::MastAt { .. } => 600.0,
             Self::Approach => 240.0,
         }
     }
@@ -123,6 +130,17 @@ impl Track {
                     velocity_e_mps: Vector3::zeros(),
                 }
             }
+            Self::MastAt {
+                latitude_deg,
+                longitude_deg,
+            } => AntennaState {
+                position_e_m: ecef_from_geodetic(
+                    f64::from(latitude_deg),
+                    f64::from(longitude_deg),
+                    0.0,
+                ),
+                velocity_e_mps: Vector3::zeros(),
+            },
             Self::Approach => {
                 let to_go_s = duration_s - t_s;
                 let heading = RUNWAY_HEADING_DEG.to_radians();
