@@ -17,7 +17,7 @@
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels; ARAIM |
 //! | [`integrity`] | phases of flight, reasons, the verdict |
 //! | [`config`] | what a user chooses before the first byte |
-//! | [`ingest`], [`report`], [`bank_report`] | checked messages to domain types; verdict and tests of the bank to output messages |
+//! | [`ingest`], [`report`], [`bank_report`], [`sentences`] | checked messages to domain types; verdict and tests of the bank to output messages; the verdict as NMEA |
 //! | [`budget`] | the stages of an epoch and what each may cost |
 //! | [`snapshot`] | an epoch alone: solution, tests, exclusion, levels |
 //! | [`tight`] | inertial samples and epochs to a solution of the filter, and when not |
@@ -50,6 +50,7 @@ pub mod monitor;
 pub mod raim;
 pub mod report;
 mod rhythm;
+pub mod sentences;
 pub mod snapshot;
 pub mod stats;
 pub mod tight;

@@ -20,12 +20,14 @@ use surefix_core::config::Config;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
+use surefix_core::sentences;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
 use crate::imu::{self, ImuSettings};
+use crate::nmea::{self, Sentence};
 use crate::output::{self, Summary};
 use crate::qemu::QemuExecutor;
 use crate::source::{self, RecordingInfo};
@@ -69,6 +71,10 @@ impl Executor for HostExecutor {
                     match report::encode(&report, &mut frame) {
                         Ok(length) => output(&frame[..length]),
                         Err(native::Full) => bail!("a report does not fit its frame"),
+                    }
+                    match sentences::encode(&report, &mut frame) {
+                        Ok(length) => output(&frame[..length]),
+                        Err(native::Full) => bail!("the sentences of an epoch do not fit"),
                     }
                 }
                 Some(Ready::EndOfStream) => break,
@@ -130,6 +136,8 @@ pub struct OutputReader {
     pub banks: Vec<Option<Box<BankReport>>>,
     /// Of the epoch whose report comes next.
     bank: Option<Box<BankReport>>,
+    /// NMEA sentences, in order, with their line ends.
+    pub sentences: String,
     /// What the monitor counted, when it has said so.
     pub counters: Option<Counters>,
     /// Frames that could not be read, and bytes between frames.
@@ -163,10 +171,17 @@ impl OutputReader {
                     start += length;
                 }
                 Err(FrameError::Incomplete { .. }) => break,
-                Err(_) => {
-                    self.damaged += 1;
-                    start += 1;
-                }
+                Err(_) => match nmea::find(rest) {
+                    Sentence::Whole(line) => {
+                        self.sentences.push_str(line);
+                        start += line.len();
+                    }
+                    Sentence::Incomplete => break,
+                    Sentence::None => {
+                        self.damaged += 1;
+                        start += 1;
+                    }
+                },
             }
         }
         self.pending.drain(..start);
@@ -252,6 +267,8 @@ pub struct ReplayResult {
     pub reports: Vec<EpochReport>,
     /// What the bank of filters found at each, where it ran.
     pub banks: Vec<Option<Box<BankReport>>>,
+    /// NMEA sentences, four per epoch.
+    pub sentences: String,
     /// Error of each, east, north, up, m.
     pub errors_enu_m: Vec<Option<[f64; 3]>>,
     /// Everything that can be said in short.
@@ -418,6 +435,7 @@ pub fn run(
     Ok(ReplayResult {
         reports: reader.reports,
         banks: reader.banks,
+        sentences: reader.sentences,
         errors_enu_m,
         summary,
         info,
@@ -479,10 +497,16 @@ pub fn make_directory(directory: &Path) -> Result<()> {
 }
 
 /// Everything [`write`] may write.
-const FILES: [&str; 4] = ["epochs.csv", "errors.csv", "summary.json", "report.html"];
+const FILES: [&str; 5] = [
+    "epochs.csv",
+    "sentences.nmea",
+    "errors.csv",
+    "summary.json",
+    "report.html",
+];
 
-/// Writes `epochs.csv`, `errors.csv` (with a truth), `summary.json` and `report.html` into `directory`,
-/// in place of those of an earlier replay.
+/// Writes `epochs.csv`, `sentences.nmea`, `errors.csv` (with a truth), `summary.json` and `report.html` into
+/// `directory`, in place of those of an earlier replay.
 ///
 /// # Errors
 /// When the directory or a file cannot be written.
@@ -495,7 +519,7 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
                 .with_context(|| format!("cannot remove {}", path.display()))?;
         }
     }
-    let put = |name: &str, text: String| {
+    let put = |name: &str, text: &str| {
         let path = directory.join(name);
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
@@ -505,10 +529,11 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
     output::write_epochs(&mut file, &result.reports, &result.banks)
         .and_then(|()| file.flush())
         .with_context(cannot)?;
+    put("sentences.nmea", &result.sentences)?;
     if result.summary.truth.is_some() {
         put(
             "errors.csv",
-            output::errors_csv(&result.reports, &result.errors_enu_m),
+            &output::errors_csv(&result.reports, &result.errors_enu_m),
         )?;
     }
     let config = &options.config;
@@ -548,7 +573,10 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         skipped: &result.info.skipped,
         counters: result.counters.rows().collect(),
     };
-    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")?;
+    put(
+        "summary.json",
+        &(serde_json::to_string_pretty(&file)? + "\n"),
+    )?;
     crate::report::write(directory)?;
     Ok(())
 }

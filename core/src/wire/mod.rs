@@ -8,6 +8,7 @@ pub mod bits;
 pub mod counters;
 pub mod crc;
 pub mod native;
+pub mod nmea;
 pub mod rtcm3;
 pub mod scanner;
 pub mod ubx;

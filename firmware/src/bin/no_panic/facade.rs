@@ -17,6 +17,7 @@ use surefix_core::ins::{
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
+use surefix_core::sentences;
 use surefix_core::snapshot::SnapshotMonitor;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries, TightMonitor};
 use surefix_core::time::GpsTime;
@@ -158,7 +159,7 @@ fn snapshot(epoch: &ObservationEpoch) {
         SatelliteSet::EMPTY,
     );
     black_box(SnapshotMonitor::workspace_mut(black_box(&mut monitor)));
-    black_box(SnapshotMonitor::assess(
+    let assessment = black_box(SnapshotMonitor::assess(
         black_box(&mut monitor),
         black_box(epoch),
         black_box(&store),
@@ -166,6 +167,8 @@ fn snapshot(epoch: &ObservationEpoch) {
         black_box(&mut ledger),
         &mut NoCounter,
     ));
+    let verdict = assessment.verdict;
+    call3(SnapshotMonitor::suspect, &monitor, &assessment, &verdict);
 }
 
 fn monitor(bytes: &[u8], out: &mut [u8]) {
@@ -184,7 +187,8 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::epoch_interval_ns, &monitor);
     let mut report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
     call2(Monitor::miss_deadline, &mut monitor, &mut report);
-    call2(report::encode, &report, out);
+    call2(report::encode, &report, &mut *out);
+    call2(sentences::encode, &report, &mut *out);
     let (mut fast, mut secondaries) = (MonitorFastFilters::EMPTY, MonitorSecondaries::EMPTY);
     let report = Monitor::process_with(
         black_box(&mut monitor),
@@ -239,6 +243,10 @@ fn tight() {
     let mut workspace = SnapshotWorkspace::EMPTY;
     if let Some(satellite) = Satellite::new(System::Gps, black_box(1)) {
         call2(SnapshotWorkspace::sigma, &workspace, satellite);
+        let solution = SnapshotWorkspace::solve(&mut workspace, SatelliteSet::EMPTY, None);
+        if let Ok(solution) = solution {
+            call3(SnapshotWorkspace::outside, &workspace, satellite, &solution);
+        }
     }
     let corrected = SnapshotWorkspace::corrected(
         black_box(&mut workspace),
