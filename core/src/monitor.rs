@@ -375,6 +375,7 @@ impl Monitor {
             None => self.tight.align(epoch.time, tested.as_ref()),
         }
         report.inertial = self.tight.tell();
+        report.suspect = self.snapshot.suspect(&assessment, &report.verdict);
         let work = meter.now().wrapping_sub(begin);
         self.ledger.charge(Stage::Bank, meter.bank);
         self.ledger
@@ -556,6 +557,7 @@ fn serve(report: &mut EpochReport, tight: &TightSolution) {
         clock_m: tight.clock_m,
     });
     report.used = tight.used;
+    report.sigma_enu_m = Some(tight.navigation.sigma_position_enu_m);
     report.navigation = Some(tight.navigation);
 }
 
@@ -571,6 +573,9 @@ fn empty_report(time: GpsTime, reason: Reason) -> EpochReport {
         n_observed: 0,
         unused: [0; SATELLITE_REASONS],
         flags: ReportFlags::default(),
+        residual_rms_m: None,
+        sigma_enu_m: None,
+        suspect: None,
         navigation: None,
         inertial: InertialStatus::Off,
     }
@@ -620,6 +625,9 @@ fn report_of(epoch: &ObservationEpoch, assessment: &Assessment) -> EpochReport {
                 .is_some_and(|solution| solution.no_broadcast_ionosphere),
             clock_reset: epoch.flags.clock_reset,
         },
+        residual_rms_m: assessment.residual_rms_m,
+        sigma_enu_m: assessment.sigma_enu_m,
+        suspect: None,
         navigation: None,
         inertial: InertialStatus::Off,
     }

@@ -4,10 +4,10 @@
 //! hold a value. The host turns it into a row of `epochs.csv`, whether it came from a PC or from a
 //! board. Layout: docs/native-frame.md.
 
-use crate::gnss::satellite::SatelliteSet;
+use crate::gnss::satellite::{Satellite, SatelliteSet};
 use crate::gnss::{System, solution::SATELLITE_REASONS};
 use crate::integrity::{
-    InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict,
+    InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Suspect, Verdict,
 };
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, ReadError, Reader, Writer};
@@ -122,6 +122,13 @@ pub struct EpochReport {
     pub unused: [u8; SATELLITE_REASONS],
     /// What else to know.
     pub flags: ReportFlags,
+    /// Root mean square of the pseudorange residuals of the one-epoch solution, m.
+    pub residual_rms_m: Option<f64>,
+    /// One sigma of the position without a fault, east, north, up, m: of the one-epoch solution where it
+    /// passed its test, of the filter by its own covariance.
+    pub sigma_enu_m: Option<[f64; 3]>,
+    /// The satellite that most likely failed, where one did and it is observed.
+    pub suspect: Option<Suspect>,
     /// What the filter says, if it says something.
     pub navigation: Option<Navigation>,
     /// What the inertial side does.
@@ -131,9 +138,11 @@ pub struct EpochReport {
 /// Bytes of a report frame, header and CRC included.
 pub const REPORT_FRAME_LENGTH: usize = PAYLOAD_LENGTH + native::HEADER_LEN + native::TRAILER_LEN;
 /// Bytes of its payload.
-const PAYLOAD_LENGTH: usize = 217 + SATELLITE_REASONS + 1 + NAVIGATION_LENGTH;
+const PAYLOAD_LENGTH: usize = 217 + SATELLITE_REASONS + 1 + NAVIGATION_LENGTH + SUSPECT_LENGTH;
 /// Bytes of what the filter says in it.
 const NAVIGATION_LENGTH: usize = 24 * 8 + 1;
+/// Bytes of residuals, sigmas and the satellite that most likely failed.
+const SUSPECT_LENGTH: usize = 4 * 8 + 2 + 3 * 8;
 
 const HAS_FIX: u16 = 1 << 0;
 const HAS_VELOCITY: u16 = 1 << 1;
@@ -142,6 +151,9 @@ const HAS_VAL: u16 = 1 << 5;
 const HAS_STATISTIC: u16 = 1 << 6;
 const HAS_THRESHOLD: u16 = 1 << 7;
 const HAS_NAVIGATION: u16 = 1 << 8;
+const HAS_RESIDUALS: u16 = 1 << 9;
+const HAS_SIGMA: u16 = 1 << 10;
+const HAS_SUSPECT: u16 = 1 << 11;
 
 /// Why a report payload was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -196,6 +208,15 @@ fn write_payload(report: &EpochReport, writer: &mut Writer<'_>) -> Result<(), Fu
     if report.navigation.is_some() {
         present |= HAS_NAVIGATION;
     }
+    if report.residual_rms_m.is_some() {
+        present |= HAS_RESIDUALS;
+    }
+    if report.sigma_enu_m.is_some() {
+        present |= HAS_SIGMA;
+    }
+    if report.suspect.is_some() {
+        present |= HAS_SUSPECT;
+    }
     writer.put_u16(present)?;
     writer.put_u8(report.flags.bits())?;
     writer.put_u8(report.mode as u8)?;
@@ -246,9 +267,24 @@ fn write_payload(report: &EpochReport, writer: &mut Writer<'_>) -> Result<(), Fu
     }
     writer.put_u8(report.inertial as u8)?;
     match &report.navigation {
-        Some(navigation) => write_navigation(navigation, writer),
-        None => (0..NAVIGATION_LENGTH).try_for_each(|_| writer.put_u8(0)),
+        Some(navigation) => write_navigation(navigation, writer)?,
+        None => (0..NAVIGATION_LENGTH).try_for_each(|_| writer.put_u8(0))?,
     }
+    writer.put_f64(report.residual_rms_m.unwrap_or(0.0))?;
+    for value in report.sigma_enu_m.unwrap_or([0.0; 3]) {
+        writer.put_f64(value)?;
+    }
+    let (system, prn, numbers) = match &report.suspect {
+        Some(suspect) => (
+            suspect.satellite.system() as u8,
+            suspect.satellite.prn(),
+            [suspect.bias_m, suspect.sigma_m, suspect.p_md],
+        ),
+        None => (0, 0, [0.0; 3]),
+    };
+    writer.put_u8(system)?;
+    writer.put_u8(prn)?;
+    numbers.into_iter().try_for_each(|n| writer.put_f64(n))
 }
 
 fn write_navigation(navigation: &Navigation, writer: &mut Writer<'_>) -> Result<(), Full> {
@@ -314,6 +350,9 @@ pub fn decode(payload: &[u8]) -> Result<EpochReport, ReportError> {
     }
     let inertial = coded(reader.u8()?, InertialStatus::from_u8)?;
     let navigation = navigation(&mut reader)?;
+    let residual_rms_m = reader.f64()?;
+    let sigma_enu_m = three(&mut reader)?;
+    let suspect = suspect(&mut reader, has(HAS_SUSPECT))?;
     let mut clocks = [None; System::ALL.len()];
     for ((clock, value), bit) in clocks.iter_mut().zip(clock_m).zip(HAS_CLOCK) {
         *clock = has(bit).then_some(value);
@@ -345,6 +384,9 @@ pub fn decode(payload: &[u8]) -> Result<EpochReport, ReportError> {
         n_observed,
         unused,
         flags,
+        residual_rms_m: has(HAS_RESIDUALS).then_some(residual_rms_m),
+        sigma_enu_m: has(HAS_SIGMA).then_some(sigma_enu_m),
+        suspect,
         navigation: has(HAS_NAVIGATION).then_some(navigation),
         inertial,
     })
@@ -373,6 +415,23 @@ fn navigation(reader: &mut Reader<'_>) -> Result<Navigation, ReadError> {
     })
 }
 
+fn suspect(reader: &mut Reader<'_>, is_there: bool) -> Result<Option<Suspect>, ReportError> {
+    let (system, prn) = (reader.u8()?, reader.u8()?);
+    let [bias_m, sigma_m, p_md] = three(reader)?;
+    if !is_there {
+        return Ok(None);
+    }
+    let satellite = System::from_index(usize::from(system))
+        .and_then(|system| Satellite::new(system, prn))
+        .ok_or(ReportError::UnknownCode { code: prn })?;
+    Ok(Some(Suspect {
+        satellite,
+        bias_m,
+        sigma_m,
+        p_md,
+    }))
+}
+
 fn set(reader: &mut Reader<'_>) -> Result<SatelliteSet, ReadError> {
     Ok(SatelliteSet::from_masks([
         reader.u64()?,
@@ -393,7 +452,6 @@ fn level(reader: &mut Reader<'_>) -> Result<ProtectionLevel, ReportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gnss::Satellite;
     use crate::wire::native::Frame;
 
     fn report() -> EpochReport {
@@ -429,6 +487,14 @@ mod tests {
             n_observed: 14,
             unused: [3; SATELLITE_REASONS],
             flags: ReportFlags::from_bits(0b10101),
+            residual_rms_m: Some(1.25),
+            sigma_enu_m: Some([0.75, 0.5, 2.5]),
+            suspect: Some(Suspect {
+                satellite: Satellite::new(System::Galileo, 36).unwrap(),
+                bias_m: -41.5,
+                sigma_m: 3.5,
+                p_md: 1e-3,
+            }),
             navigation: Some(Navigation {
                 v_e_mps: [14.0, -15.0, 16.0],
                 q_e_b: [0.5, -0.5, 0.5, -0.5],
@@ -450,6 +516,9 @@ mod tests {
         let mut none = report();
         none.fix = None;
         none.navigation = None;
+        none.residual_rms_m = None;
+        none.sigma_enu_m = None;
+        none.suspect = None;
         none.inertial = InertialStatus::ImuSilent;
         none.verdict = Verdict::unavailable(Reason::TooFewSatellites, 556.0, None);
         for report in [report(), none] {
@@ -470,8 +539,9 @@ mod tests {
         let (frame, _) = Frame::parse(&bytes).unwrap();
         let mut payload = [0; PAYLOAD_LENGTH];
         payload.copy_from_slice(frame.payload());
-        let inertial = PAYLOAD_LENGTH - NAVIGATION_LENGTH - 1;
-        for place in [3, 4, 5, inertial] {
+        let inertial = PAYLOAD_LENGTH - NAVIGATION_LENGTH - SUSPECT_LENGTH - 1;
+        let suspect = PAYLOAD_LENGTH - 3 * 8 - 1;
+        for place in [3, 4, 5, inertial, suspect] {
             let mut wrong = payload;
             wrong[place] = 200;
             assert_eq!(decode(&wrong), Err(ReportError::UnknownCode { code: 200 }));

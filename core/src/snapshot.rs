@@ -16,13 +16,16 @@ use crate::gnss::solution::{
     SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
 };
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satellite, SatelliteSet};
-use crate::integrity::{Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Verdict};
+use crate::integrity::{
+    Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Suspect, Verdict,
+};
+use crate::linalg::LinearModel;
 use crate::linalg::qr::WhitenedQr;
 use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
 use crate::raim::level::LevelFactors;
 use crate::raim::slope::{NoLevel, Sensitivity};
 use crate::raim::thresholds::RaimTable;
-use crate::raim::{RaimError, parity};
+use crate::raim::{RaimError, bias, parity};
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
@@ -65,6 +68,12 @@ pub struct Assessment {
     /// Satellites observed and not used, in the order of
     /// [`crate::gnss::solution::SatelliteReason`].
     pub unused: [u8; SATELLITE_REASONS],
+    /// Root mean square of the residuals of the pseudoranges used, m.
+    pub residual_rms_m: Option<f64>,
+    /// One sigma of the position without a fault, east, north, up, m; only of one that passed its test.
+    pub sigma_enu_m: Option<[f64; 3]>,
+    /// The satellite of the solution tested last with the largest bias against the others, faulty or not.
+    pub most_likely: Option<Suspect>,
 }
 
 /// How far the assessment of an epoch has come.
@@ -78,6 +87,17 @@ struct Progress {
     excluded: SatelliteSet,
     hpl: ProtectionLevel,
     vpl: ProtectionLevel,
+    residual_rms_m: Option<f64>,
+    sigma_enu_m: Option<[f64; 3]>,
+    most_likely: Option<Suspect>,
+}
+
+/// Levels of a position, and its spread without a fault.
+#[derive(Clone, Copy, Debug)]
+struct Levels {
+    hpl_m: f64,
+    vpl_m: f64,
+    sigma_enu_m: [f64; 3],
 }
 
 /// Outcome of the consistency test.
@@ -100,6 +120,8 @@ pub struct SnapshotMonitor {
     workspace: SnapshotWorkspace,
     qr: WhitenedQr,
     sensitivity: Sensitivity,
+    /// Whether `sensitivity` is of the solution in `workspace`.
+    sensitivity_is_current: bool,
     exclusion: ExclusionWorkspace,
     independent_sigma_m: [f64; MAX_SATELLITES],
     common_errors_m: [[f64; MAX_SATELLITES]; 1],
@@ -116,6 +138,7 @@ impl SnapshotMonitor {
         workspace: SnapshotWorkspace::EMPTY,
         qr: WhitenedQr::EMPTY,
         sensitivity: Sensitivity::EMPTY,
+        sensitivity_is_current: false,
         exclusion: ExclusionWorkspace::EMPTY,
         independent_sigma_m: [1.0; MAX_SATELLITES],
         common_errors_m: [[0.0; MAX_SATELLITES]],
@@ -215,6 +238,9 @@ impl SnapshotMonitor {
                 excluded_here: SatelliteSet::EMPTY,
                 n_observed: 0,
                 unused: [0; SATELLITE_REASONS],
+                residual_rms_m: None,
+                sigma_enu_m: None,
+                most_likely: None,
             };
         };
         let requirements = config.phase.requirements();
@@ -227,6 +253,9 @@ impl SnapshotMonitor {
             excluded: self.left_out,
             hpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
             vpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
+            residual_rms_m: None,
+            sigma_enu_m: None,
+            most_likely: None,
         };
         let mut verdict =
             Verdict::unavailable(Reason::None, requirements.hal_m, requirements.val_m);
@@ -259,11 +288,85 @@ impl SnapshotMonitor {
             excluded_here,
             n_observed: self.workspace.n_observed(),
             unused,
+            residual_rms_m: progress.residual_rms_m,
+            sigma_enu_m: progress.sigma_enu_m,
+            most_likely: progress.most_likely,
         }
+    }
+
+    /// The satellite that most likely failed at the epoch assessed last, in the light of a verdict that
+    /// may be another's: with an alert the one that agrees least with the others, else the excluded one
+    /// with the largest bias for its sigma. `None` where nothing failed, or nothing can be said.
+    pub fn suspect(&self, assessment: &Assessment, verdict: &Verdict) -> Option<Suspect> {
+        if verdict.integrity == Integrity::Alert {
+            return assessment.most_likely;
+        }
+        if verdict.excluded.is_empty() {
+            return None;
+        }
+        let solution = assessment.solution.as_ref()?;
+        let mut found = None;
+        for satellite in verdict.excluded.iter() {
+            let estimate = match self.workspace.outside(satellite, solution) {
+                Some((design, residual_m, sigma)) => {
+                    bias::outside(&self.qr, &design, residual_m, sigma.total_m())
+                }
+                // Excluded by another opinion, at this epoch.
+                None => self
+                    .workspace
+                    .used_rows()
+                    .enumerate()
+                    .find(|(_, used)| used.satellite == satellite)
+                    .and_then(|(row, used)| self.bias_of_row(row, used.sigma.common_m)),
+            };
+            found = self.likelier(found, satellite, estimate);
+        }
+        found.map(|(_, suspect)| suspect)
+    }
+
+    /// The satellite of the solution that agrees least with the others.
+    fn most_likely(&self) -> Option<Suspect> {
+        let mut found = None;
+        for (row, used) in self.workspace.used_rows().enumerate() {
+            let estimate = self.bias_of_row(row, used.sigma.common_m);
+            found = self.likelier(found, used.satellite, estimate);
+        }
+        found.map(|(_, suspect)| suspect)
+    }
+
+    fn bias_of_row(&self, row: usize, common_m: f64) -> Option<bias::BiasEstimate> {
+        if !self.sensitivity_is_current {
+            return None;
+        }
+        bias::of_row(self.workspace.model(), &self.sensitivity, row, common_m)
+    }
+
+    /// The one found so far, or this one.
+    fn likelier(
+        &self,
+        found: Option<(f64, Suspect)>,
+        satellite: Satellite,
+        estimate: Option<bias::BiasEstimate>,
+    ) -> Option<(f64, Suspect)> {
+        let (Some(estimate), Some(config)) = (estimate, &self.config) else {
+            return found;
+        };
+        let square = estimate.square();
+        if found.is_some_and(|(largest, _)| !(square > largest)) {
+            return found;
+        }
+        let suspect = Suspect {
+            satellite,
+            bias_m: estimate.bias_m,
+            sigma_m: estimate.sigma_m,
+            p_md: config.phase.requirements().p_md,
+        };
+        Some((square, suspect))
     }
 
     /// Position without the satellites excluded so far.
     fn solve(&mut self, progress: &mut Progress) {
+        self.sensitivity_is_current = false;
         match self.workspace.solve(progress.excluded, self.start) {
             Ok(solution) => {
                 self.start = Some(solution.r_e_m);
@@ -289,6 +392,7 @@ impl SnapshotMonitor {
         let clocks_are_plausible = are_plausible(&solution.clock_m, progress.time);
         progress.statistic = None;
         progress.threshold = None;
+        progress.residual_rms_m = residual_rms_m(self.workspace.model());
         progress.test = match parity::test(self.workspace.model(), &mut self.qr) {
             Ok(statistic) => {
                 let threshold = self.thresholds.threshold(statistic.redundancy);
@@ -313,7 +417,8 @@ impl SnapshotMonitor {
         if progress.test != Test::Failed {
             return;
         }
-        self.sensitivity.fill(&mut self.qr);
+        self.fill_sensitivity();
+        progress.most_likely = self.most_likely();
         let found = exclusion::identify(
             &self.qr,
             &self.thresholds,
@@ -356,10 +461,17 @@ impl SnapshotMonitor {
             Some(why) => Err(why),
             None => self.levels(),
         };
+        if unavailable.is_none() {
+            progress.most_likely = self.most_likely();
+        }
+        if let Ok(levels) = &levels {
+            progress.sigma_enu_m =
+                Some(levels.sigma_enu_m).filter(|sigma_m| sigma_m.iter().all(|s| s.is_finite()));
+        }
         (progress.hpl, progress.vpl) = match levels {
-            Ok((hpl_m, vpl_m)) => (
-                ProtectionLevel::from_bound(hpl_m),
-                ProtectionLevel::from_bound(vpl_m),
+            Ok(levels) => (
+                ProtectionLevel::from_bound(levels.hpl_m),
+                ProtectionLevel::from_bound(levels.vpl_m),
             ),
             Err(why) => (
                 ProtectionLevel::Unavailable(why),
@@ -368,14 +480,18 @@ impl SnapshotMonitor {
         };
     }
 
-    /// Horizontal and vertical level, m.
-    fn levels(&mut self) -> Result<(f64, f64), NoBound> {
+    fn fill_sensitivity(&mut self) {
+        self.sensitivity.fill(&mut self.qr);
+        self.sensitivity_is_current = true;
+    }
+
+    fn levels(&mut self) -> Result<Levels, NoBound> {
         let redundancy = self.qr.n().saturating_sub(self.qr.m());
         let sqrt_noncentrality = self
             .thresholds
             .sqrt_noncentrality(redundancy)
             .ok_or(NoBound::NoRedundancy)?;
-        self.sensitivity.fill(&mut self.qr);
+        self.fill_sensitivity();
         let slope = self
             .sensitivity
             .levels(sqrt_noncentrality)
@@ -399,8 +515,21 @@ impl SnapshotMonitor {
         );
         let factors = self.factors.ok_or(NoBound::NotFinite)?;
         let [hpl_m, vpl_m] = factors.levels_m(&slope, &covariance);
-        Ok((hpl_m, vpl_m))
+        let variance_m2 = [covariance.m11, covariance.m22, covariance.m33];
+        Ok(Levels {
+            hpl_m,
+            vpl_m,
+            sigma_enu_m: variance_m2.map(libm::sqrt),
+        })
     }
+}
+
+/// Root mean square of the residuals of a solution, m.
+fn residual_rms_m(model: &LinearModel) -> Option<f64> {
+    let residuals = || model.residual_m.iter().take(model.n);
+    let mean_m2 = residuals().map(|r| r * r).sum::<f64>() / model.n as f64;
+    // NaN without a row.
+    Some(libm::sqrt(mean_m2)).filter(|rms_m| rms_m.is_finite())
 }
 
 /// How far a time tag lies beyond the nearest round instant, m of light.
@@ -470,6 +599,9 @@ mod tests {
             excluded: SatelliteSet::EMPTY,
             hpl: ProtectionLevel::from_bound(hpl_m),
             vpl: ProtectionLevel::from_bound(vpl_m),
+            residual_rms_m: None,
+            sigma_enu_m: None,
+            most_likely: None,
         }
     }
 

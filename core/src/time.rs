@@ -158,6 +158,66 @@ pub fn leap_seconds(time: GpsTime) -> i64 {
         .map_or(0, |(_, leap_s)| *leap_s)
 }
 
+/// A date and a time of day in UTC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Utc {
+    /// Year of the Gregorian calendar.
+    pub year: i64,
+    /// Month, 1 to 12.
+    pub month: u8,
+    /// Day, 1 to 31.
+    pub day: u8,
+    /// Hour, 0 to 23.
+    pub hour: u8,
+    /// Minute, 0 to 59.
+    pub minute: u8,
+    /// Nanosecond of the minute, 0 to 59,999,999,999, and a second more while a leap second is inserted.
+    pub ns_of_minute: i64,
+}
+
+/// Days from 0000-03-01 to 1980-01-06.
+const MARCH_0000_TO_GPS_DAYS: i64 = 723_125;
+
+/// An instant in UTC, by the leap seconds known here: after the last of them as many as then, so that an
+/// insertion announced later makes it wrong by a second. For output only.
+pub fn utc(time: GpsTime) -> Utc {
+    let leap_s = leap_seconds(time);
+    // The second before the count changes is the one that is inserted: 23:59:60.
+    let is_inserted = leap_seconds(time.plus_ns(NS_PER_S)) > leap_s;
+    let behind_s = leap_s + is_inserted as i64;
+    let ns = time.plus_ns(behind_s.wrapping_mul(-NS_PER_S)).ns();
+    let seconds = ns.div_euclid(NS_PER_S);
+    let (days, of_day_s) = (seconds.div_euclid(86_400), seconds.rem_euclid(86_400));
+    let of_minute_s = of_day_s % 60 + is_inserted as i64;
+    let (year, month, day) = civil(days);
+    Utc {
+        year,
+        month,
+        day,
+        hour: (of_day_s / 3600) as u8,
+        minute: (of_day_s / 60 % 60) as u8,
+        ns_of_minute: of_minute_s * NS_PER_S + ns.rem_euclid(NS_PER_S),
+    }
+}
+
+/// Year, month and day of the Gregorian calendar, `days` after 1980-01-06. [HINNANT-2014]
+fn civil(days: i64) -> (i64, u8, u8) {
+    // Years begin in March, so that a leap day ends one; an i64 of nanoseconds is 107,000 days.
+    let days = days + MARCH_0000_TO_GPS_DAYS;
+    let (era, of_era) = (days.div_euclid(146_097), days.rem_euclid(146_097));
+    let year_of_era = (of_era - of_era / 1460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * from_march + 2) / 5 + 1;
+    let month = if from_march < 10 {
+        from_march + 3
+    } else {
+        from_march - 9
+    };
+    let year = year_of_era + era * 400 + (month <= 2) as i64;
+    (year, month as u8, day as u8)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,5 +268,67 @@ mod tests {
         assert_eq!(leap_seconds(step), 18);
         assert_eq!(leap_seconds(step.plus_ns(-1)), 17);
         assert_eq!(leap_seconds(GpsTime::from_ns(0)), 0);
+    }
+
+    fn text(time: GpsTime) -> std::string::String {
+        let utc = utc(time);
+        let (s, ns) = (utc.ns_of_minute / NS_PER_S, utc.ns_of_minute % NS_PER_S);
+        std::format!(
+            "{}-{:02}-{:02} {:02}:{:02}:{s:02}.{ns:09}",
+            utc.year,
+            utc.month,
+            utc.day,
+            utc.hour,
+            utc.minute
+        )
+    }
+
+    #[test]
+    fn utc_of_dates_known_from_elsewhere() {
+        // By the calendar of Python's `datetime`, which knows nothing of leap seconds; those by hand.
+        for (week, tow_s, expected) in [
+            (0, 0, "1980-01-06 00:00:00.000000000"),
+            (-1, 604_799, "1980-01-05 23:59:59.000000000"),
+            (1046, 172_813, "2000-01-25 00:00:00.000000000"),
+            (1051, 172_813, "2000-02-29 00:00:00.000000000"),
+            (2047, 604_799, "2019-04-06 23:59:41.000000000"),
+            (2048, 18, "2019-04-07 00:00:00.000000000"),
+            (2424, 0, "2026-06-20 23:59:42.000000000"),
+            (6260, 0, "2099-12-26 23:59:42.000000000"),
+        ] {
+            assert_eq!(text(GpsTime::from_week_tow_s(week, tow_s)), expected);
+        }
+    }
+
+    /// [IERS-C] 52: 2016-12-31 has a second 23:59:60.
+    #[test]
+    fn an_inserted_second_is_the_sixtieth() {
+        let step = GpsTime::from_week_tow_s(1930, 18);
+        assert_eq!(text(step), "2017-01-01 00:00:00.000000000");
+        for (before_ns, expected) in [
+            (1, "2016-12-31 23:59:60.999999999"),
+            (NS_PER_S, "2016-12-31 23:59:60.000000000"),
+            (NS_PER_S + 1, "2016-12-31 23:59:59.999999999"),
+        ] {
+            assert_eq!(text(step.plus_ns(-before_ns)), expected);
+        }
+    }
+
+    #[test]
+    fn every_day_follows_the_one_before() {
+        let mut last = utc(GpsTime::from_ns(i64::MIN));
+        for day in -106_750..=106_750 {
+            let next = utc(GpsTime::from_ns(day * 86_400 * NS_PER_S + 20 * NS_PER_S));
+            let follows = match (next.month, next.day) {
+                (_, day) if day > 1 => {
+                    (next.year, next.month, day - 1) == (last.year, last.month, last.day)
+                }
+                (month, _) if month > 1 => (next.year, month - 1) == (last.year, last.month),
+                _ => (next.year - 1, 12, 31) == (last.year, last.month, last.day),
+            };
+            assert!(follows || day == -106_750, "{last:?} {next:?}");
+            last = next;
+        }
+        utc(GpsTime::from_ns(i64::MAX));
     }
 }

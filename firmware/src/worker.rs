@@ -9,6 +9,7 @@ use surefix_core::integrity::{Integrity, Reason};
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::REPORT_FRAME_LENGTH;
 use surefix_core::satellite_report::SatelliteReport;
+use surefix_core::sentences::{self, MAX_SENTENCES_BYTES};
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::native::MAX_FRAME;
 use surefix_core::{ingest, report};
@@ -60,6 +61,8 @@ static ENDED: core::sync::atomic::AtomicBool = core::sync::atomic::AtomicBool::n
 pub fn has_ended() -> bool {
     ENDED.load(core::sync::atomic::Ordering::Relaxed)
 }
+
+const _: () = assert!(MAX_SENTENCES_BYTES <= MAX_FRAME);
 
 impl Worker {
     /// Puts the parts together.
@@ -155,8 +158,9 @@ impl Worker {
         let Some(rate) = board::ticks_per_second() else {
             return false;
         };
-        // What the bytes and the report take on their lines, or wait there.
-        let bytes = REPORT_FRAME_LENGTH as i64 + i64::from(board::RECEIVE_DELAY);
+        // What the bytes and the answer take on their lines, or wait there.
+        let answer = (REPORT_FRAME_LENGTH + MAX_SENTENCES_BYTES) as i64;
+        let bytes = answer + i64::from(board::RECEIVE_DELAY);
         let rate = i64::from(rate);
         // The shortest that was ever known: epochs that were lost are no slower receiver.
         let known_ns = self.monitor.epoch_interval_ns();
@@ -190,6 +194,9 @@ impl Worker {
             self.monitor.miss_deadline(&mut report);
         }
         if let Ok(length) = report::encode(&report, &mut self.frame) {
+            self.send(length);
+        }
+        if let Ok(length) = sentences::encode(&report, &mut self.frame) {
             self.send(length);
         }
         #[cfg(feature = "real-time")]

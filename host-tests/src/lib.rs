@@ -8,6 +8,7 @@ pub mod faults;
 pub mod hybrid;
 pub mod imu;
 pub mod mutate;
+pub mod nmea;
 pub mod output;
 pub mod qemu;
 pub mod real_time;

@@ -31,7 +31,8 @@ pub const EPOCH_COLUMNS: &str = "t_s,week,tow_s,x_m,y_m,z_m,lat_deg,lon_deg,h_m,
 n_sats,mode,integrity,reason,hpl_m,vpl_m,hal_m,val_m,excluded,stat,threshold,\
 n_visible,used,clock_g_m,clock_e_m,clock_c_m,flags,unused,\
 roll_deg,pitch_deg,heading_deg,inertial,sigma_e_m,sigma_n_m,sigma_u_m,\
-sigma_ve_mps,sigma_vn_mps,sigma_vu_mps,nis,nis_rows";
+sigma_ve_mps,sigma_vn_mps,sigma_vu_mps,nis,nis_rows,\
+residual_rms_m,suspect,bias_m,sigma_bias_m,p_md";
 
 /// Seconds since the first epoch.
 pub fn t_s(report: &EpochReport) -> f64 {
@@ -130,13 +131,22 @@ pub fn epoch_row(report: &EpochReport) -> String {
     }
     let _ = write!(line, ",{}", report.inertial.name());
     for k in 0..3 {
-        field(&mut line, navigation.map(|n| n.sigma_position_enu_m[k]));
+        field(&mut line, report.sigma_enu_m.map(|sigma_m| sigma_m[k]));
     }
     for k in 0..3 {
         field(&mut line, navigation.map(|n| n.sigma_velocity_enu_mps[k]));
     }
     field(&mut line, navigation.map(|n| n.nis));
     field(&mut line, navigation.map(|n| n.nis_rows.into()));
+    field(&mut line, report.residual_rms_m);
+    let suspect = report.suspect.as_ref();
+    let _ = match suspect {
+        Some(suspect) => write!(line, ",{}", suspect.satellite),
+        None => write!(line, ",-"),
+    };
+    field(&mut line, suspect.map(|s| s.bias_m));
+    field(&mut line, suspect.map(|s| s.sigma_m));
+    field(&mut line, suspect.map(|s| s.p_md));
     line
 }
 
@@ -472,8 +482,9 @@ pub fn summarize(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use surefix_core::gnss::Satellite;
     use surefix_core::gnss::solution::SATELLITE_REASONS;
-    use surefix_core::integrity::{InertialStatus, Mode, Verdict};
+    use surefix_core::integrity::{InertialStatus, Mode, Suspect, Verdict};
     use surefix_core::report::Navigation;
     use surefix_core::time::GpsTime;
 
@@ -488,6 +499,9 @@ mod tests {
             n_observed: 0,
             unused: [0; SATELLITE_REASONS],
             flags: ReportFlags::default(),
+            residual_rms_m: None,
+            sigma_enu_m: None,
+            suspect: None,
             navigation: None,
             inertial: InertialStatus::Off,
         }
@@ -506,12 +520,21 @@ mod tests {
         assert_eq!(
             (
                 value(&row, "roll_deg").as_str(),
-                value(&row, "inertial").as_str()
+                value(&row, "inertial").as_str(),
+                value(&row, "suspect").as_str()
             ),
-            ("", "off")
+            ("", "off", "-")
         );
 
         report.inertial = InertialStatus::Running;
+        report.residual_rms_m = Some(0.7);
+        report.sigma_enu_m = Some([0.4, 0.5, 0.6]);
+        report.suspect = Some(Suspect {
+            satellite: Satellite::new(System::Gps, 4).unwrap(),
+            bias_m: -41.25,
+            sigma_m: 3.1,
+            p_md: 1e-3,
+        });
         report.navigation = Some(Navigation {
             v_e_mps: [0.0; 3],
             q_e_b: [1.0, 0.0, 0.0, 0.0],
@@ -538,10 +561,15 @@ mod tests {
             ("sigma_vu_mps", 0.09),
             ("nis", 1.0 / 3.0),
             ("nis_rows", 24.0),
+            ("residual_rms_m", 0.7),
+            ("bias_m", -41.25),
+            ("sigma_bias_m", 3.1),
+            ("p_md", 1e-3),
         ] {
             assert_eq!(value(&row, name).parse(), Ok(expected), "{name}");
         }
         assert_eq!(value(&row, "inertial"), "running");
+        assert_eq!(value(&row, "suspect"), "G04");
     }
 
     #[test]

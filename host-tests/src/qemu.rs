@@ -1,7 +1,7 @@
 //! The emulated board: the firmware image in QEMU's mps2-an500, fed and read as a real one would be.
 //!
 //! ```text
-//! bytes ──unix socket──► UART0 ┐            ┌ UART1 ──► native frames ──► on_frame
+//! bytes ──unix socket──► UART0 ┐            ┌ UART1 ──► frames, sentences ──► on_piece
 //!                              │ Cortex-M7  ├ UART2 ──► defmt ──► log lines
 //!   keeps its distance ◄───────┘            └ UART3 ──► acknowledgements, one per 256 bytes
 //! ```
@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 
 use surefix_core::wire::native::{Frame, FrameError, Kind};
 
+use crate::nmea::{self, Sentence};
 use crate::replay::Executor;
 use log::Log;
 use machine::{Acknowledged, Machine, Port};
@@ -54,7 +55,7 @@ impl Default for Options {
 pub struct Outcome {
     /// Frames received, the end marker included.
     pub frames: u64,
-    /// Bytes on the output UART that belonged to no frame.
+    /// Bytes on the output UART that belonged to no frame and no sentence.
     pub stray_bytes: u64,
     /// Time it took on this machine.
     pub elapsed: Duration,
@@ -118,16 +119,16 @@ fn log_tail(log: &[String]) -> String {
     format!("; its log ends:\n  {}", log.join("\n  "))
 }
 
-/// Streams `bytes` through the image `elf` and hands over every frame it sends, header and checksum
-/// included, until it says that the stream has ended. The last bytes must be an end-of-stream frame.
+/// Streams `bytes` through the image `elf` and hands over every frame and every NMEA sentence it sends, header
+/// and checksum included, until it says that the stream has ended. The last bytes must be an end-of-stream frame.
 ///
 /// # Errors
-/// [`QemuError`]; frames handed over before it stay handed over.
+/// [`QemuError`]; what was handed over before it stays handed over.
 pub fn run(
     elf: &Path,
     bytes: &[u8],
     options: Options,
-    on_frame: &mut dyn FnMut(&[u8]),
+    on_piece: &mut dyn FnMut(&[u8]),
 ) -> Result<Outcome, QemuError> {
     let started = Instant::now();
     let mut machine = Machine::start(elf)?;
@@ -175,9 +176,13 @@ pub fn run(
             }
         }
         while let Some((kind, frame)) = frames.next() {
+            if kind == Piece::Sentence {
+                on_piece(&frame);
+                continue;
+            }
             count += 1;
-            if kind == Some(Kind::OutputInvalid) {
-                on_frame(&frame);
+            if kind == Piece::Frame(Some(Kind::OutputInvalid)) {
+                on_piece(&frame);
                 // The reset that follows ends QEMU (`-no-reboot`) once the log has been sent.
                 let (status, _) = machine.wait();
                 return Err(QemuError::Withdrawn {
@@ -186,8 +191,8 @@ pub fn run(
                     log: log.last_lines(),
                 });
             }
-            on_frame(&frame);
-            if kind == Some(Kind::EndOfStream) {
+            on_piece(&frame);
+            if kind == Piece::Frame(Some(Kind::EndOfStream)) {
                 return Ok(Outcome {
                     frames: count,
                     stray_bytes: frames.stray,
@@ -223,7 +228,16 @@ impl Executor for QemuExecutor {
     }
 }
 
-/// Cuts a byte stream into native frames; what belongs to none is counted.
+/// What a piece of the output is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Piece {
+    /// A native frame, and its kind where that is known.
+    Frame(Option<Kind>),
+    /// An NMEA sentence.
+    Sentence,
+}
+
+/// Cuts a byte stream into native frames and NMEA sentences; what belongs to neither is counted.
 #[derive(Default)]
 struct FrameSplitter {
     buffer: Vec<u8>,
@@ -231,13 +245,18 @@ struct FrameSplitter {
 }
 
 impl FrameSplitter {
-    fn next(&mut self) -> Option<(Option<Kind>, Vec<u8>)> {
+    fn next(&mut self) -> Option<(Piece, Vec<u8>)> {
         let mut start = 0;
         let found = loop {
-            match Frame::parse(&self.buffer[start..]) {
-                Ok((frame, length)) => break Some((frame.kind(), length)),
+            let rest = &self.buffer[start..];
+            match Frame::parse(rest) {
+                Ok((frame, length)) => break Some((Piece::Frame(frame.kind()), length)),
                 Err(FrameError::Incomplete { .. }) => break None,
-                Err(_) => start += 1,
+                Err(_) => match nmea::find(rest) {
+                    Sentence::Whole(line) => break Some((Piece::Sentence, line.len())),
+                    Sentence::Incomplete => break None,
+                    Sentence::None => start += 1,
+                },
             }
         };
         self.stray += start as u64;
@@ -253,23 +272,35 @@ mod tests {
     use surefix_core::wire::native;
 
     #[test]
-    fn frames_are_found_between_stray_bytes_and_across_reads() {
+    fn frames_and_sentences_are_found_between_stray_bytes_and_across_reads() {
         let mut frame = [0; 32];
         let length = native::encode(Kind::Report, &mut frame, |w| w.put_u16(0x4653)).unwrap();
         let mut bytes = b"SSF noise".to_vec();
         bytes.extend_from_slice(&frame[..length]);
         bytes.push(b'S');
         bytes.extend_from_slice(&frame[..length]);
+        let sentence = b"$GPGGA,*7A\r\n";
+        bytes.extend_from_slice(sentence);
+        // One that a frame cuts off.
+        bytes.extend_from_slice(&sentence[..5]);
+        bytes.extend_from_slice(&frame[..length]);
+        bytes.extend_from_slice(sentence);
 
         let mut splitter = FrameSplitter::default();
-        let mut found = 0;
+        let (mut found, mut sentences) = (0, 0);
         for byte in bytes {
             splitter.buffer.push(byte);
             while let Some((kind, whole)) = splitter.next() {
-                assert_eq!((kind, &whole[..]), (Some(Kind::Report), &frame[..length]));
+                if kind == Piece::Sentence {
+                    assert_eq!(whole, sentence);
+                    sentences += 1;
+                    continue;
+                }
+                let expected = Piece::Frame(Some(Kind::Report));
+                assert_eq!((kind, &whole[..]), (expected, &frame[..length]));
                 found += 1;
             }
         }
-        assert_eq!((found, splitter.stray), (2, 10));
+        assert_eq!((found, sentences, splitter.stray), (3, 2, 15));
     }
 }

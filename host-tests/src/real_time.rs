@@ -26,6 +26,7 @@ use surefix_core::report::EpochReport;
 use surefix_core::wire::native::{Frame, Kind, MAX_FRAME};
 
 use crate::faults::FaultSpec;
+use crate::nmea::{self, Sentence};
 use crate::qemu::image;
 use crate::qemu::paced::{self, INSTRUCTIONS_PER_TICK, TICKS_PER_SECOND};
 use crate::replay::{Executor, HostExecutor, OutputReader};
@@ -251,17 +252,27 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
 /// Bytes before the end-of-stream frame, and of the longest answer to an epoch.
 fn before_end(output: &[u8]) -> Result<(usize, usize)> {
     let (mut at, mut begun, mut longest) = (0, 0, 0);
-    while let Ok((frame, length)) = Frame::parse(&output[at..]) {
+    let mut has_reported = false;
+    loop {
+        if let Sentence::Whole(line) = nmea::find(&output[at..]) {
+            at += line.len();
+            longest = longest.max(at - begun);
+            continue;
+        }
+        let Ok((frame, length)) = Frame::parse(&output[at..]) else {
+            break;
+        };
+        // An answer is the tests of the bank, the report, the sentences.
+        if has_reported {
+            begun = at;
+        }
         match frame.kind() {
             Some(Kind::EndOfStream) => return Ok((at, longest)),
             Some(Kind::OutputInvalid) => bail!("the firmware failed and withdrew its output"),
             _ => {}
         }
         at += length;
-        if frame.kind() == Some(Kind::Report) {
-            longest = longest.max(at - begun);
-            begun = at;
-        }
+        has_reported = frame.kind() == Some(Kind::Report);
     }
     bail!("the board's output has no end");
 }

@@ -21,12 +21,14 @@ use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
 use surefix_core::satellite_report::SatelliteReport;
+use surefix_core::sentences;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
 use crate::imu::{self, ImuSettings};
+use crate::nmea::{self, Sentence};
 use crate::output::{self, Summary};
 use crate::qemu::QemuExecutor;
 use crate::source::{self, RecordingInfo};
@@ -71,6 +73,10 @@ impl Executor for HostExecutor {
                     match report::encode(&report, &mut frame) {
                         Ok(length) => output(&frame[..length]),
                         Err(native::Full) => bail!("a report does not fit its frame"),
+                    }
+                    match sentences::encode(&report, &mut frame) {
+                        Ok(length) => output(&frame[..length]),
+                        Err(native::Full) => bail!("the sentences of an epoch do not fit"),
                     }
                     if monitor.satellite_report(&report, &mut satellites) {
                         match satellites.encode(&mut frame) {
@@ -142,6 +148,8 @@ pub struct OutputReader {
     pub satellites: Vec<Option<Box<SatelliteReport>>>,
     /// Of the epoch whose report comes next.
     bank: Option<Box<BankReport>>,
+    /// NMEA sentences, in order, with their line ends.
+    pub sentences: String,
     /// What the monitor counted, when it has said so.
     pub counters: Option<Counters>,
     /// Frames that could not be read, and bytes between frames.
@@ -178,10 +186,17 @@ impl OutputReader {
                     start += length;
                 }
                 Err(FrameError::Incomplete { .. }) => break,
-                Err(_) => {
-                    self.damaged += 1;
-                    start += 1;
-                }
+                Err(_) => match nmea::find(rest) {
+                    Sentence::Whole(line) => {
+                        self.sentences.push_str(line);
+                        start += line.len();
+                    }
+                    Sentence::Incomplete => break,
+                    Sentence::None => {
+                        self.damaged += 1;
+                        start += 1;
+                    }
+                },
             }
         }
         self.pending.drain(..start);
@@ -281,6 +296,8 @@ pub struct ReplayResult {
     pub banks: Vec<Option<Box<BankReport>>>,
     /// The satellites of each, where the receiver sent observations.
     pub satellites: Vec<Option<Box<SatelliteReport>>>,
+    /// NMEA sentences, four per epoch.
+    pub sentences: String,
     /// Error of each, east, north, up, m.
     pub errors_enu_m: Vec<Option<[f64; 3]>>,
     /// Everything that can be said in short.
@@ -448,6 +465,7 @@ pub fn run(
         reports: reader.reports,
         banks: reader.banks,
         satellites: reader.satellites,
+        sentences: reader.sentences,
         errors_enu_m,
         summary,
         info,
@@ -509,9 +527,10 @@ pub fn make_directory(directory: &Path) -> Result<()> {
 }
 
 /// Everything [`write`] may write.
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
     "epochs.csv",
     "satellites.csv",
+    "sentences.nmea",
     "errors.csv",
     "summary.json",
     "track.kml",
@@ -519,7 +538,7 @@ const FILES: [&str; 7] = [
     "report.html",
 ];
 
-/// Writes `epochs.csv`, `satellites.csv`, `errors.csv` (with a truth), `summary.json`, `track.kml`, `track.gpx`
+/// Writes `epochs.csv`, `satellites.csv`, `sentences.nmea`, `errors.csv` (with a truth), `summary.json`, `track.kml`, `track.gpx`
 /// and `report.html` into `directory`, in place of those of an earlier replay.
 ///
 /// # Errors
@@ -533,7 +552,7 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
                 .with_context(|| format!("cannot remove {}", path.display()))?;
         }
     }
-    let put = |name: &str, text: String| {
+    let put = |name: &str, text: &str| {
         let path = directory.join(name);
         std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))
     };
@@ -557,10 +576,11 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
     })?;
     create("track.kml", &|file| output::write_kml(file, &name, reports))?;
     create("track.gpx", &|file| output::write_gpx(file, &name, reports))?;
+    put("sentences.nmea", &result.sentences)?;
     if result.summary.truth.is_some() {
         put(
             "errors.csv",
-            output::errors_csv(&result.reports, &result.errors_enu_m),
+            &output::errors_csv(&result.reports, &result.errors_enu_m),
         )?;
     }
     let config = &options.config;
@@ -600,7 +620,10 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         skipped: &result.info.skipped,
         counters: result.counters.rows().collect(),
     };
-    put("summary.json", serde_json::to_string_pretty(&file)? + "\n")?;
+    put(
+        "summary.json",
+        &(serde_json::to_string_pretty(&file)? + "\n"),
+    )?;
     crate::report::write(directory)?;
     Ok(())
 }

@@ -9,6 +9,7 @@ use surefix_core::config::Config;
 use surefix_core::ingest;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report;
+use surefix_core::sentences::{self, MAX_SENTENCES_BYTES};
 use surefix_core::wire::Counters;
 use surefix_core::wire::native::{self, Frame, Kind};
 use surefix_host_tests::qemu::{self, Options, Outcome, QemuError, image};
@@ -83,6 +84,8 @@ fn on_this_machine(stream: &[u8]) -> (Vec<Vec<u8>>, Counters) {
 
 struct BoardRun {
     reports: Vec<Vec<u8>>,
+    /// Behind each report, and before the next.
+    sentences: Vec<Vec<u8>>,
     counters: Option<Counters>,
     withdrawn: bool,
     result: Result<Outcome, QemuError>,
@@ -90,12 +93,20 @@ struct BoardRun {
 
 fn on_the_board(elf: &Path, stream: &[u8], options: Options) -> BoardRun {
     let mut reports = Vec::new();
+    let mut sentences: Vec<Vec<u8>> = Vec::new();
     let mut counters = None;
     let mut withdrawn = false;
     let result = qemu::run(elf, stream, options, &mut |bytes| {
+        if bytes.starts_with(b"$") {
+            sentences.last_mut().unwrap().extend_from_slice(bytes);
+            return;
+        }
         let (frame, _) = Frame::parse(bytes).unwrap();
         match frame.kind() {
-            Some(Kind::Report) => reports.push(bytes.to_vec()),
+            Some(Kind::Report) => {
+                reports.push(bytes.to_vec());
+                sentences.push(Vec::new());
+            }
             Some(Kind::Counters) => counters = Some(Counters::decode(frame.payload()).unwrap()),
             Some(Kind::OutputInvalid) => withdrawn = true,
             _ => {}
@@ -103,6 +114,7 @@ fn on_the_board(elf: &Path, stream: &[u8], options: Options) -> BoardRun {
     });
     BoardRun {
         reports,
+        sentences,
         counters,
         withdrawn,
         result,
@@ -128,6 +140,13 @@ fn reports_and_counters_equal_those_of_this_machine() {
     assert_eq!(board.reports.len(), expected.len());
     for (index, (ours, theirs)) in expected.iter().zip(&board.reports).enumerate() {
         assert_eq!(ours, theirs, "report {index}");
+    }
+    for (report, sentences) in board.reports.iter().zip(&board.sentences) {
+        let (frame, _) = Frame::parse(report).unwrap();
+        let report = report::decode(frame.payload()).unwrap();
+        let mut expected = [0; MAX_SENTENCES_BYTES];
+        let length = sentences::encode(&report, &mut expected).unwrap();
+        assert_eq!(expected[..length], sentences[..]);
     }
     assert_eq!(board.counters, Some(expected_counters));
     assert!(

@@ -1,5 +1,5 @@
-//! Whole recordings give the same `epochs.csv` and the same satellites on this machine and on the emulated Cortex-M7, byte for
-//! byte: what replays here show is true there.
+//! Whole recordings give the same `epochs.csv`, satellites and `sentences.nmea` on this machine and on the
+//! emulated Cortex-M7, byte for byte: what replays here show is true there.
 
 mod common;
 
@@ -36,6 +36,8 @@ fn on_both(mut options: ReplayOptions) -> Option<ReplayResult> {
         assert_eq!(a, b, "line {} of epochs.csv", number + 1);
     }
     assert_eq!(here_csv.len(), there_csv.len());
+    assert!(here.sentences == there.sentences, "sentences.nmea");
+    assert_eq!(here.sentences.lines().count(), 4 * here.reports.len());
     assert_eq!(here.counters, there.counters);
     assert!(here.satellites.iter().any(Option::is_some));
     for (k, (a, b)) in here.satellites.iter().zip(&there.satellites).enumerate() {

@@ -8,4 +8,6 @@ pub mod verdict;
 pub use alert::{AlertEvent, AlertState, Alerts};
 pub use opinion::{BankOpinion, Opinions};
 pub use phases::{Phase, PhaseRequirements};
-pub use verdict::{InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
+pub use verdict::{
+    InertialStatus, Integrity, Mode, NoBound, ProtectionLevel, Reason, Suspect, Verdict,
+};

@@ -1,6 +1,6 @@
 //! The verdict on one epoch, and every reason it can have.
 
-use crate::gnss::SatelliteSet;
+use crate::gnss::{Satellite, SatelliteSet};
 
 /// May the position be used?
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -171,6 +171,19 @@ impl ProtectionLevel {
             Self::Unavailable(_) => None,
         }
     }
+}
+
+/// The satellite that most likely failed, and by how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Suspect {
+    /// Which.
+    pub satellite: Satellite,
+    /// Measured minus predicted pseudorange, predicted by the other satellites of the epoch, m.
+    pub bias_m: f64,
+    /// One sigma of it, m.
+    pub sigma_m: f64,
+    /// Probability of a missed detection that the tests of the phase are made for, 1.
+    pub p_md: f64,
 }
 
 /// The verdict on one epoch.

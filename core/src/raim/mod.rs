@@ -2,13 +2,14 @@
 //!
 //! In reading order: [`parity`] tests an epoch for a fault, [`thresholds`] says when a statistic is
 //! too large, [`slope`] bounds what an undetected fault can do to the position, [`level`] adds the noise, [`exclusion`] finds the
-//! faulty rows, [`ls`] is the same test computed the textbook's way, for comparison. [`araim`] bounds the
+//! faulty rows, [`bias`] tells how far one is off, [`ls`] is the same test computed the textbook's way, for comparison. [`araim`] bounds the
 //! error against every likely fault by solution separation.
 //!
 //! A redundancy is the number of rows minus the number of unknowns. ERRATA of [P1]: with several
 //! constellations it is n − 3 − (number of constellations).
 
 pub mod araim;
+pub mod bias;
 pub mod exclusion;
 pub mod level;
 pub mod ls;

@@ -9,6 +9,7 @@ pub mod broadcast;
 pub mod counters;
 pub mod crc;
 pub mod native;
+pub mod nmea;
 pub mod rtcm3;
 pub mod scanner;
 pub mod ubx;

@@ -1,9 +1,9 @@
-//! The application: receiver bytes in, one report frame per epoch out.
+//! The application: receiver bytes in, per epoch one report frame and its NMEA sentences out.
 //!
 //! | task | priority | what it does |
 //! |---|---|---|
 //! | `receive` | 2, interrupt of the receiver's UART | byte into the ring, wakes `work` |
-//! | `work` | 1, pended by `receive` | ring to monitor; assesses epochs, sends their reports |
+//! | `work` | 1, pended by `receive` | ring to monitor; assesses epochs, sends their reports and sentences |
 //! | `idle` | 0 | sends the log, sleeps |
 //!
 //! After an end-of-stream frame the counters and an end-of-stream frame go out; the application then

@@ -32,7 +32,7 @@ pub mod stack;
 pub struct Ports {
     /// Bytes of the GNSS receiver.
     pub receiver: Receiver,
-    /// The output frames.
+    /// The output frames, with sentences between them.
     pub output: Transmitter,
     /// Flow control towards a host that replays faster than real time.
     pub acknowledge: Acknowledge,

@@ -44,7 +44,7 @@ use crate::simulate::flight::Track;
 use crate::simulate::noise::uniform;
 use crate::simulate::receiver::{Conditions, Epoch, Receiver};
 use crate::simulate::sky;
-use crate::simulate::stream::Stream;
+use crate::simulate::stream::{Format, Stream};
 use crate::truth::Truth;
 
 /// When the ramp begins, s after the first epoch.
@@ -306,6 +306,7 @@ impl Campaign for TimeToAlert {
             _ => &System::ALL,
         };
         let conditions = Conditions {
+            format: Format::Rtcm3,
             seed: random.next_u64(),
             noise_free: false,
             dual_frequency: false,
@@ -357,7 +358,7 @@ impl Campaign for TimeToAlert {
             };
             let n = (ONSET_S + WATCHED.0 * passes_s + WATCHED.1) as usize;
             let mut injector = FaultInjector::new(std::slice::from_ref(&fault), self.seed);
-            let mut stream = Stream::new(Ionosphere::None, false);
+            let mut stream = Stream::new(Format::Rtcm3, Ionosphere::None, false);
             for (k, epoch) in epochs.iter_mut().take(n).enumerate() {
                 let clean = epoch.observations.clone();
                 injector.apply(&mut epoch.observations, k as f64);

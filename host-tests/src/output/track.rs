@@ -238,6 +238,9 @@ mod tests {
             verdict.integrity = state.unwrap_or(Integrity::Unavailable);
             verdict.hpl = ProtectionLevel::Bound(7.5);
             EpochReport {
+                residual_rms_m: None,
+                sigma_enu_m: None,
+                suspect: None,
                 time: GpsTime::from_week_tow_s(2420, 274_200 + t_s),
                 since_first_ns: t_s * NS_PER_S,
                 mode: Mode::Snapshot,

@@ -18,6 +18,7 @@ use surefix_core::ins::{
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
 use surefix_core::satellite_report::{SatelliteReport, SatelliteUse};
+use surefix_core::sentences;
 use surefix_core::snapshot::SnapshotMonitor;
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries, TightMonitor};
 use surefix_core::time::GpsTime;
@@ -167,6 +168,8 @@ fn snapshot(epoch: &ObservationEpoch) {
         black_box(&mut ledger),
         &mut NoCounter,
     );
+    let verdict = assessment.verdict;
+    call3(SnapshotMonitor::suspect, &monitor, &assessment, &verdict);
     if let (Some(solution), Some(satellite)) = (
         black_box(assessment).solution,
         Satellite::from_index(black_box(0)),
@@ -204,7 +207,8 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::epoch_interval_ns, &monitor);
     let mut report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
     call2(Monitor::miss_deadline, &mut monitor, &mut report);
-    call2(report::encode, &report, out);
+    call2(report::encode, &report, &mut *out);
+    call2(sentences::encode, &report, &mut *out);
     let (mut fast, mut secondaries) = (MonitorFastFilters::EMPTY, MonitorSecondaries::EMPTY);
     let report = Monitor::process_with(
         black_box(&mut monitor),
@@ -291,6 +295,10 @@ fn tight() {
             satellite,
             [0.0; 3],
         );
+        let solution = SnapshotWorkspace::solve(&mut workspace, SatelliteSet::EMPTY, None);
+        if let Ok(solution) = solution {
+            call3(SnapshotWorkspace::outside, &workspace, satellite, &solution);
+        }
     }
     let corrected = SnapshotWorkspace::corrected(
         black_box(&mut workspace),

@@ -39,6 +39,7 @@ fn time_entries() {
     call2(GpsTime::nearest, 0, t);
     call3(time::resolve_week, 0, 0, 0);
     call1(time::leap_seconds, t);
+    call1(time::utc, t);
 }
 
 fn statistics() {

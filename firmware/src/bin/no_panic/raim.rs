@@ -2,9 +2,10 @@
 
 use crate::call::{call1, call2, call3, call4};
 use core::hint::black_box;
-use surefix_core::consts::MAX_SATELLITES;
+use surefix_core::consts::{MAX_SATELLITES, MAX_UNKNOWNS};
 use surefix_core::linalg::LinearModel;
 use surefix_core::linalg::qr::WhitenedQr;
+use surefix_core::raim::bias::{self, BiasEstimate};
 use surefix_core::raim::exclusion::{self, ExclusionWorkspace, RowSet};
 use surefix_core::raim::level::LevelFactors;
 use surefix_core::raim::ls::{self, LeastSquaresWorkspace};
@@ -74,6 +75,11 @@ fn slopes(model: &LinearModel, qr: &mut WhitenedQr) {
     call1(Sensitivity::leverage, &sensitivity);
     call1(Sensitivity::residual_cofactor, &sensitivity);
     call2(Sensitivity::levels, &sensitivity, 0.0);
+    call4(bias::of_row, model, &sensitivity, 0, 0.0);
+    call4(bias::outside, qr, &[0.0; MAX_UNKNOWNS], 0.0, 1.0);
+    if let Some(estimate) = bias::of_row(model, &sensitivity, black_box(0), black_box(0.0)) {
+        call1(BiasEstimate::square, &estimate);
+    }
     call4(
         Sensitivity::position_covariance,
         &sensitivity,

@@ -6,6 +6,7 @@ use surefix_core::wire::bits::{BitCursor, Bits};
 use surefix_core::wire::broadcast::{Collector, Subframe};
 use surefix_core::wire::crc;
 use surefix_core::wire::native::{self, Frame, Kind, Reader, Writer};
+use surefix_core::wire::nmea::{self, Angle, Fields};
 use surefix_core::wire::rtcm3::{
     BroadcastEphemeris, Cell, Constellation, Message, Msm, MsmHeader, StationPosition, header,
     signals,
@@ -23,6 +24,25 @@ pub fn all() {
     broadcast(bytes);
     scanner(bytes);
     u_blox(bytes);
+    sentence();
+}
+
+fn sentence() {
+    call1(Angle::latitude, 0.0);
+    call1(Angle::longitude, 0.0);
+    let fill = |fields: &mut Fields<'_>| {
+        call1(Fields::empty, &mut *fields);
+        call2(Fields::empties, &mut *fields, 2);
+        call2(Fields::letter, &mut *fields, Some(b'N'));
+        call3(Fields::integer, &mut *fields, 7, 2);
+        call4(Fields::fixed, &mut *fields, Some(1.5), 3, 9999);
+        call2(Fields::latitude, &mut *fields, Angle::latitude(1.5));
+        call2(Fields::longitude, &mut *fields, Angle::longitude(1.5));
+        call2(Fields::time, &mut *fields, Some([0; 4]));
+        call2(Fields::date, fields, Some([1; 3]));
+        Ok(())
+    };
+    call4(nmea::write, &mut [0; 100], *b"GN", *b"GGA", fill);
 }
 
 fn rtcm3(bytes: &[u8]) {

@@ -3,7 +3,7 @@
 //! | QEMU `-serial` | base | use |
 //! |---|---|---|
 //! | 0 | 0x40004000 | receiver bytes in, unless they come from memory (line.rs) |
-//! | 1 | 0x40005000 | output frames |
+//! | 1 | 0x40005000 | output frames, NMEA sentences between them |
 //! | 2 | 0x40006000 | defmt log |
 //! | 3 | 0x40007000 | acknowledgements for the replaying host; in real time when epochs were done |
 //!
