@@ -437,6 +437,7 @@ fn read_back(options: &ReplayOptions, name: &str) -> Vec<Read> {
 fn approach(name: &str, faults: &[&str]) -> ReplayOptions {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("sentences_of_{name}"));
     simulate::run(&simulate::Args {
+        receiver: simulate::stream::Format::Rtcm3,
         name: Flight::Approach,
         seed: 1,
         out: folder.clone(),
