@@ -20,7 +20,6 @@ fn approach() -> ReplayResult {
         name: Flight::Approach,
         seed: 1,
         out: PathBuf::new(),
-        receiver: Format::Rtcm3,
         rate_hz: 1.0,
         duration: Some(120.0),
         noise_free: false,
