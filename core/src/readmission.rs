@@ -61,14 +61,15 @@ impl Readmission {
         } else if is_tested && let Some(solution) = &assessment.solution {
             let mut proved = SatelliteSet::EMPTY;
             for satellite in self.excluded.iter() {
-                let Some((residual_m, variance_m2)) = snapshot.disagreement(satellite, solution)
-                else {
+                let Some(estimate) = snapshot.disagreement(satellite, solution) else {
                     continue;
                 };
-                if self
-                    .probation
-                    .observe(now, satellite, residual_m, variance_m2)
-                {
+                if self.probation.observe(
+                    now,
+                    satellite,
+                    estimate.bias_m,
+                    estimate.sigma_m * estimate.sigma_m,
+                ) {
                     proved.insert(satellite);
                 }
             }

@@ -11,7 +11,7 @@
 
 use crate::budget::{CycleCounter, Ledger, STAGES, Stage};
 use crate::config::{Config, ConfigError};
-use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, MAX_UNKNOWNS, SPEED_OF_LIGHT_MPS};
+use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
 use crate::gnss::solution::{
     SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
 };
@@ -21,11 +21,12 @@ use crate::integrity::{
 };
 use crate::linalg::LinearModel;
 use crate::linalg::qr::WhitenedQr;
+use crate::raim::bias::{self, BiasEstimate};
 use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
 use crate::raim::level::LevelFactors;
 use crate::raim::slope::{NoLevel, Sensitivity};
 use crate::raim::thresholds::RaimTable;
-use crate::raim::{RaimError, bias, parity};
+use crate::raim::{RaimError, parity};
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
@@ -201,24 +202,14 @@ impl SnapshotMonitor {
     }
 
     /// How far a satellite that was left out is from what the position of the last epoch assessed, which passed its
-    /// test, predicts for it: measured minus predicted, m, and the variance of that, m². The prediction is the
-    /// weighted least squares' own: hᵀ(RᵀR)⁻¹h with the satellite's row h.
+    /// test, predicts for it.
     pub fn disagreement(
         &self,
         satellite: Satellite,
         solution: &SnapshotSolution,
-    ) -> Option<(f64, f64)> {
+    ) -> Option<BiasEstimate> {
         let (row, residual_m, sigma) = self.workspace.row_left_out(satellite, solution)?;
-        let mut whitened = [0.0; MAX_UNKNOWNS];
-        let m = self.qr.m();
-        for (derivative, r_inverse) in row.iter().zip(self.qr.r_inverse()).take(m) {
-            for (sum, entry) in whitened.iter_mut().zip(r_inverse).take(m) {
-                *sum += derivative * entry;
-            }
-        }
-        let predicted_m2: f64 = whitened.iter().map(|entry| entry * entry).sum();
-        let own_m = sigma.total_m();
-        Some((residual_m, predicted_m2 + own_m * own_m))
+        bias::outside(&self.qr, &row, residual_m, sigma.total_m())
     }
 
     /// Assesses one epoch; the work of each stage is booked in `ledger`.
@@ -307,17 +298,15 @@ impl SnapshotMonitor {
         let solution = assessment.solution.as_ref()?;
         let mut found = None;
         for satellite in verdict.excluded.iter() {
-            let estimate = match self.workspace.outside(satellite, solution) {
-                Some((design, residual_m, sigma)) => {
-                    bias::outside(&self.qr, &design, residual_m, sigma.total_m())
-                }
+            let estimate = if solution.used.contains(satellite) {
                 // Excluded by another opinion, at this epoch.
-                None => self
-                    .workspace
+                self.workspace
                     .used_rows()
                     .enumerate()
                     .find(|(_, used)| used.satellite == satellite)
-                    .and_then(|(row, used)| self.bias_of_row(row, used.sigma.common_m)),
+                    .and_then(|(row, used)| self.bias_of_row(row, used.sigma.common_m))
+            } else {
+                self.disagreement(satellite, solution)
             };
             found = self.likelier(found, satellite, estimate);
         }
@@ -334,7 +323,7 @@ impl SnapshotMonitor {
         found.map(|(_, suspect)| suspect)
     }
 
-    fn bias_of_row(&self, row: usize, common_m: f64) -> Option<bias::BiasEstimate> {
+    fn bias_of_row(&self, row: usize, common_m: f64) -> Option<BiasEstimate> {
         if !self.sensitivity_is_current {
             return None;
         }
@@ -346,7 +335,7 @@ impl SnapshotMonitor {
         &self,
         found: Option<(f64, Suspect)>,
         satellite: Satellite,
-        estimate: Option<bias::BiasEstimate>,
+        estimate: Option<BiasEstimate>,
     ) -> Option<(f64, Suspect)> {
         let (Some(estimate), Some(config)) = (estimate, &self.config) else {
             return found;

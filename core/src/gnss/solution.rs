@@ -404,37 +404,6 @@ impl SnapshotWorkspace {
         Some((design, residual_m, row.sky.sigma))
     }
 
-    /// The row that a satellite above the mask, which is not in `solution`, would have in its linear
-    /// model: derivatives, measured minus predicted pseudorange with the clock out, m, and one sigma.
-    /// `None` for one without a measurement or without a clock in the solution.
-    pub fn outside(
-        &self,
-        satellite: Satellite,
-        solution: &SnapshotSolution,
-    ) -> Option<([f64; MAX_UNKNOWNS], f64, RowSigma)> {
-        let row = self
-            .rows
-            .iter()
-            .find(|row| row.measurement.satellite == satellite)
-            .filter(|row| row.state != RowState::Used && row.sky.above_mask)?;
-        let system = satellite.system().index();
-        let clock_m = solution.clock_m.get(system).copied().flatten()?;
-        let before = solution.clock_m.iter().take(system).flatten().count();
-        let geometry = range_geometry(row.measurement.r_e_m, solution.r_e_m);
-        let c_enu_e = geodesy::c_enu_e(solution.llh.lat_rad, solution.llh.lon_rad);
-        let u_enu = c_enu_e * Vector3::from(geometry.line_of_sight_e);
-        let mut design = [0.0; MAX_UNKNOWNS];
-        for (entry, u) in design.iter_mut().zip(u_enu.iter()) {
-            *entry = -u;
-        }
-        *design.get_mut(before.saturating_add(3))? = 1.0;
-        let residual_m = row.measurement.pseudorange_m + row.measurement.clock_m
-            - row.sky.delay_m
-            - geometry.range_m
-            - clock_m;
-        Some((design, residual_m, row.sky.sigma))
-    }
-
     fn used(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.state == RowState::Used)
     }

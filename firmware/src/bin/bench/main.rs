@@ -27,6 +27,8 @@ mod measure;
 #[cfg(target_os = "none")]
 mod messages;
 #[cfg(target_os = "none")]
+mod output;
+#[cfg(target_os = "none")]
 mod risk;
 #[cfg(target_os = "none")]
 mod sky;
@@ -46,6 +48,7 @@ fn main() -> ! {
     hprintln!("executed instructions, and bytes of stack");
     surefix_firmware::board::start();
     stages::all();
+    output::all();
     inertial::all();
     let transition = filter::all();
     bank::all(transition);

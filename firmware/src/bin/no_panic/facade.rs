@@ -297,7 +297,12 @@ fn tight() {
         );
         let solution = SnapshotWorkspace::solve(&mut workspace, SatelliteSet::EMPTY, None);
         if let Ok(solution) = solution {
-            call3(SnapshotWorkspace::outside, &workspace, satellite, &solution);
+            call3(
+                SnapshotWorkspace::row_left_out,
+                &workspace,
+                satellite,
+                &solution,
+            );
         }
     }
     let corrected = SnapshotWorkspace::corrected(
