@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use surefix_host_tests::mutate::{self, Subject, Tally};
 use surefix_host_tests::rinex::read_unzipped;
+use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{Args, atmosphere::Ionosphere, flight::Flight, simulate};
 
@@ -50,6 +51,7 @@ fn a_damaged_line_of_two_receivers_gives_nothing_that_was_not_sent() {
             ionosphere: Ionosphere::Klobuchar,
             receiver,
             faults: Vec::new(),
+            disturbances: Disturbances::default(),
         };
         simulate(&args).unwrap().receiver
     };

@@ -106,6 +106,7 @@ fn an_approach_with_a_faulty_satellite() {
         ionosphere: Ionosphere::Klobuchar,
         receiver: Format::Rtcm3,
         faults: vec!["G04:ramp:0.5:90:200".parse().unwrap()],
+        disturbances: simulate::disturbances::Disturbances::default(),
     })
     .unwrap();
     let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));

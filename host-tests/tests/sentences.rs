@@ -438,6 +438,7 @@ fn approach(name: &str, faults: &[&str]) -> ReplayOptions {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("sentences_of_{name}"));
     simulate::run(&simulate::Args {
         receiver: simulate::stream::Format::Rtcm3,
+        disturbances: simulate::disturbances::Disturbances::default(),
         name: Flight::Approach,
         seed: 1,
         out: folder.clone(),

@@ -18,6 +18,7 @@ use surefix_core::report::EpochReport;
 use surefix_host_tests::broadcast_encode::{bch_check, crc24q, parity};
 use surefix_host_tests::rinex::read_unzipped;
 use surefix_host_tests::simulate::atmosphere::Ionosphere;
+use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::flight::Flight;
 use surefix_host_tests::simulate::inertial::board::{Radio, receiver_bytes};
 use surefix_host_tests::simulate::inertial::{Request, fly};
@@ -40,6 +41,7 @@ fn args(name: Flight, duration_s: f64) -> Args {
         ionosphere: Ionosphere::None,
         receiver: Format::Ubx,
         faults: Vec::new(),
+        disturbances: Disturbances::default(),
     }
 }
 

@@ -40,6 +40,7 @@ use super::outcome::{Campaign, Outcome};
 use crate::faults::{FaultInjector, FaultKind, FaultSpec};
 use crate::output;
 use crate::simulate::atmosphere::Ionosphere;
+use crate::simulate::disturbances::Disturbances;
 use crate::simulate::flight::Track;
 use crate::simulate::noise::uniform;
 use crate::simulate::receiver::{Conditions, Epoch, Receiver};
@@ -343,8 +344,9 @@ impl Campaign for TimeToAlert {
         };
         let longest_s = ONSET_S + WATCHED.0 * PASSES_AFTER_S[1] + WATCHED.1;
         let start = GpsTime::from_week_tow_s(sky::WEEK, tow_s);
+        let calm = Disturbances::default();
         let mut epochs: Vec<Epoch> =
-            Receiver::new(track, conditions, start, longest_s, 1_000_000_000).collect();
+            Receiver::new(track, conditions, &calm, start, longest_s, 1_000_000_000).collect();
         // A phase does not follow a ramp of kilometres in the fields of a message.
         for epoch in &mut epochs {
             let satellites = epoch.observations.satellites.iter_mut();
