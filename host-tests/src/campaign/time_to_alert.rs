@@ -589,8 +589,15 @@ mod tests {
             format: Format::Rtcm3,
         };
         let start = GpsTime::from_week_tow_s(sky::WEEK, 274_200);
-        let mut epochs: Vec<Epoch> =
-            Receiver::new(track, conditions, start, 60.0, 1_000_000_000).collect();
+        let mut epochs: Vec<Epoch> = Receiver::new(
+            track,
+            conditions,
+            &Disturbances::default(),
+            start,
+            60.0,
+            1_000_000_000,
+        )
+        .collect();
         let faulty = epochs[0].ephemerides[0].satellite;
         let fault: FaultSpec = format!("{faulty}:ramp:20:{ONSET_S}:100").parse().unwrap();
         let mut injector = FaultInjector::new(&[fault], 1);
