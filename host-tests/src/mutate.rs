@@ -82,7 +82,15 @@ pub struct Subject {
 impl Subject {
     /// Reads what the undamaged bytes hold.
     pub fn new(name: impl Into<String>, bytes: Vec<u8>) -> Self {
-        let known = Known::of(&bytes);
+        let mut known = Known::of(&bytes);
+        // MSM beside RXM-RAWX gives no epochs; where damage has taken every RXM-RAWX away it does.
+        let mut without_rawx = bytes.clone();
+        for start in 0..bytes.len() {
+            if bytes[start..].starts_with(&[0xB5, 0x62, 0x02, 0x15]) {
+                without_rawx[start] = 0;
+            }
+        }
+        known.extend(Known::of(&without_rawx));
         let bds_time_is_wrong = decode(&bytes, &[bytes.len()])
             .is_ok_and(|decoded| decoded.counters.bds_time_contradicted > 0);
         Self {
