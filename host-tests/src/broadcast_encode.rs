@@ -9,7 +9,7 @@
 //! | D1, D2 | BDS B1I | `beidou.rs` | [BDS-SIS-ICD-B1I] 5 |
 //!
 //! `schedule.rs` knows when each is sent. This is the other half of the receiver's decoder and shares
-//! nothing with it: written from the documents, held against recordings in `tests/ubx_bytes.rs`.
+//! nothing with it: written from the documents, held against recordings in `tests/simulate_ubx.rs`.
 
 mod beidou;
 mod bits;

@@ -1,7 +1,7 @@
 //! Observations and navigation messages as UBX frames: what a u-blox receiver of generation 9 or 10
 //! would send.
 //!
-//! Layouts: [UBX-F9-HPG-1.32] RXM-RAWX version 1 and RXM-SFRBX version 2. How words of GPS and BDS
+//! Layouts: [UBX-F9-HPG] RXM-RAWX version 1 and RXM-SFRBX version 2. How words of GPS and BDS
 //! are put into RXM-SFRBX it leaves open; here it is as the recordings of ZED-F9P and X20P have it.
 
 use anyhow::{Result, bail};
@@ -18,7 +18,7 @@ const ID_SFRBX: u8 = 0x13;
 /// Longest lock time there is a number for, ms.
 const MAX_LOCK_MS: u64 = 64_500;
 
-/// A frame: header, payload and Fletcher's sums. [UBX-F9-HPG-1.32] 3.2, 3.4.
+/// A frame: header, payload and Fletcher's sums. [UBX-F9-HPG] 3.2, 3.4.
 pub fn frame(class: u8, id: u8, payload: &[u8]) -> Result<Vec<u8>> {
     let length = u16::try_from(payload.len())?;
     let mut bytes = vec![0xb5, 0x62, class, id];
@@ -32,7 +32,7 @@ pub fn frame(class: u8, id: u8, payload: &[u8]) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Number of a system. [UBX-F9-HPG-1.32] 1.5.2.
+/// Number of a system. [UBX-F9-HPG] 1.5.2.
 fn gnss_id(system: System) -> u8 {
     match system {
         System::Gps => 0,
@@ -41,7 +41,7 @@ fn gnss_id(system: System) -> u8 {
     }
 }
 
-/// Number of a signal. [UBX-F9-HPG-1.32] 1.5.4, and B3I of receivers that track it. GEO have D2 on both.
+/// Number of a signal. [UBX-F9-HPG] 1.5.4, and B3I of receivers that track it. GEO have D2 on both.
 fn signal_id(satellite: Satellite, signal: Signal) -> Option<u8> {
     let geo = satellite.is_bds_geo();
     match (satellite.system(), signal.band(), signal.attribute()) {

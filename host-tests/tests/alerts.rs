@@ -9,6 +9,7 @@ use surefix_core::mhss::probation::PROOF_NS;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::EpochReport;
 use surefix_core::time::NS_PER_S;
+use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{self, atmosphere::Ionosphere, flight::Flight};
 
@@ -26,6 +27,7 @@ fn stream(rate_hz: f64, duration_s: f64, fault: &str) -> Vec<u8> {
         ionosphere: Ionosphere::None,
         faults: vec![fault.parse().unwrap()],
         receiver: Format::Rtcm3,
+        disturbances: Disturbances::default(),
     })
     .unwrap()
     .receiver

@@ -35,6 +35,7 @@ fn stream() -> Vec<u8> {
         ionosphere: Ionosphere::Klobuchar,
         receiver: Format::Rtcm3,
         faults: vec!["G04:step:300:10:100".parse().unwrap()],
+        disturbances: simulate::disturbances::Disturbances::default(),
     })
     .unwrap()
     .receiver

@@ -58,6 +58,7 @@ fn simulated() -> Vec<u8> {
         ionosphere: simulate::atmosphere::Ionosphere::None,
         receiver: Format::Rtcm3,
         faults: Vec::new(),
+        disturbances: simulate::disturbances::Disturbances::default(),
     })
     .unwrap();
     simulation.receiver

@@ -2,10 +2,15 @@
 
 mod common;
 
+use std::path::PathBuf;
+
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use surefix_host_tests::mutate::{self, Subject, Tally};
 use surefix_host_tests::rinex::read_unzipped;
+use surefix_host_tests::simulate::disturbances::Disturbances;
+use surefix_host_tests::simulate::stream::Format;
+use surefix_host_tests::simulate::{Args, atmosphere::Ionosphere, flight::Flight, simulate};
 
 /// INT-053.
 #[test]
@@ -28,6 +33,48 @@ fn damaged_recordings_give_nothing_that_was_not_sent() {
         }
     }
     damage(&subjects, 40_000);
+}
+
+/// INT-053.
+#[test]
+fn a_damaged_line_of_two_receivers_gives_nothing_that_was_not_sent() {
+    let simulated = |receiver: Format| {
+        let args = Args {
+            name: Flight::Approach,
+            seed: 1,
+            out: PathBuf::new(),
+            rate_hz: 1.0,
+            duration: Some(120.0),
+            noise_free: false,
+            dual_frequency: true,
+            no_troposphere: false,
+            ionosphere: Ionosphere::Klobuchar,
+            receiver,
+            faults: Vec::new(),
+            disturbances: Disturbances::default(),
+        };
+        simulate(&args).unwrap().receiver
+    };
+    let (ubx, rtcm3) = (simulated(Format::Ubx), simulated(Format::Rtcm3));
+    // Parts of one between parts of the other, cut anywhere, with lines of NMEA between.
+    let mut mixed = Vec::new();
+    let parts = |stream: &[u8]| {
+        stream
+            .chunks(stream.len() / 60)
+            .map(<[u8]>::to_vec)
+            .collect::<Vec<_>>()
+    };
+    for (a, b) in parts(&ubx).into_iter().zip(parts(&rtcm3)) {
+        mixed.extend(a);
+        mixed.extend(b"$GNTXT,01,01,02,between*00\r\n");
+        mixed.extend(b);
+    }
+    let subjects = [
+        Subject::new("UBX", ubx),
+        Subject::new("RTCM 3", rtcm3),
+        Subject::new("mixed", mixed),
+    ];
+    damage(&subjects, 3_000);
 }
 
 fn damage(subjects: &[Subject], cases: u64) {

@@ -106,6 +106,7 @@ fn an_approach_with_a_faulty_satellite() {
         ionosphere: Ionosphere::Klobuchar,
         receiver: Format::Rtcm3,
         faults: vec!["G04:ramp:0.5:90:200".parse().unwrap()],
+        disturbances: simulate::disturbances::Disturbances::default(),
     })
     .unwrap();
     let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));
@@ -237,5 +238,43 @@ fn a_drive_that_loses_its_satellites() {
     options.config.ionosphere = IonosphereModel::None;
     if let Some(result) = on_both(options) {
         assert!(tight_epochs(&result) > 60);
+    }
+}
+
+/// INT-007.
+#[test]
+fn a_walk_with_a_u_blox_receiver() {
+    let Some(gnss) = common::shared("data/walk0827-x20p-imu/gnss_1730.ubx") else {
+        return;
+    };
+    if let Some(result) = on_both(ReplayOptions::new(gnss)) {
+        assert_eq!(result.counters.rawx_used, 536);
+        assert!(result.counters.ephemerides > 10);
+    }
+}
+
+/// INT-007.
+#[test]
+fn a_cold_start_of_a_u_blox_receiver() {
+    let Some(gnss) = common::shared(
+        "data/besancon-f9-coldstart-nominal/16dBatt_no_interference_coldstart.ubx.gz",
+    ) else {
+        return;
+    };
+    if let Some(result) = on_both(ReplayOptions::new(gnss)) {
+        assert_eq!(result.counters.rawx_used, 562);
+    }
+}
+
+/// INT-007.
+#[test]
+fn a_simulated_sky_through_a_u_blox_receiver() {
+    let Some(gnss) = common::shared(
+        "data/instinct-spirent-f9p-ubx/Spirent_ublox-F9P_static_duration-15min_sys-GPS-GAL_iono-Klobuchar_tropo-Saastamoinen.ubx",
+    ) else {
+        return;
+    };
+    if let Some(result) = on_both(ReplayOptions::new(gnss)) {
+        assert_eq!(result.counters.rawx_used, 1600);
     }
 }

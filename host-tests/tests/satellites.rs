@@ -9,6 +9,7 @@ use surefix_core::integrity::Phase;
 use surefix_core::satellite_report::{SatelliteRow, SatelliteUse};
 use surefix_host_tests::output::{SATELLITE_COLUMNS, write_satellites};
 use surefix_host_tests::replay::{self, ReplayOptions, ReplayResult};
+use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{Args, atmosphere::Ionosphere, flight::Flight, simulate};
 
@@ -28,6 +29,7 @@ fn approach() -> ReplayResult {
         ionosphere: Ionosphere::Klobuchar,
         faults: vec![RAMP.parse().unwrap()],
         receiver: Format::Rtcm3,
+        disturbances: Disturbances::default(),
     };
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("satellites");
     std::fs::create_dir_all(&folder).unwrap();

@@ -15,6 +15,7 @@ use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::EpochReport;
 use surefix_host_tests::rtcm_encode::{ephemeris_of, observations_of, quantise};
 use surefix_host_tests::simulate::atmosphere::Ionosphere;
+use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::flight::{Flight, c_e_enu};
 use surefix_host_tests::simulate::orbit::{clock_offset_s, position_frozen_e};
 use surefix_host_tests::simulate::sky::{Sky, WEEK, galileo_fnav};
@@ -34,6 +35,7 @@ fn args(name: Flight, seed: u64) -> Args {
         ionosphere: Ionosphere::None,
         receiver: Format::Rtcm3,
         faults: Vec::new(),
+        disturbances: Disturbances::default(),
     }
 }
 

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use surefix_core::gnss::{CorrectedMeasurement, Satellite};
 use surefix_core::time::{GpsTime, NS_PER_S};
 
+use crate::simulate::disturbances::Disturbances;
 use crate::simulate::inertial::measurements::Measurer;
 use crate::simulate::inertial::motion::Motion;
 use crate::simulate::inertial::trajectory::{Anchor, State, Trajectory};
@@ -71,7 +72,7 @@ impl Flown {
         );
         let samples = (plan.duration_s * plan.rate_hz) as usize;
         // Without noise: the seed is of no consequence.
-        let mut measurer = Measurer::new(start, 0, true, false, &[], &[]);
+        let mut measurer = Measurer::new(start, 0, true, false, &[], &[], &Disturbances::default());
         let epochs = (0..=plan.duration_s)
             .map(|second| {
                 let t_s = f64::from(second);

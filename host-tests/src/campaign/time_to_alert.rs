@@ -40,6 +40,7 @@ use super::outcome::{Campaign, Outcome};
 use crate::faults::{FaultInjector, FaultKind, FaultSpec};
 use crate::output;
 use crate::simulate::atmosphere::Ionosphere;
+use crate::simulate::disturbances::Disturbances;
 use crate::simulate::flight::Track;
 use crate::simulate::noise::uniform;
 use crate::simulate::receiver::{Conditions, Epoch, Receiver};
@@ -95,6 +96,30 @@ pub struct Record {
     pub above_level: usize,
     /// A healthy satellite was excluded.
     pub wrong: bool,
+}
+
+impl Record {
+    /// Nothing has happened yet.
+    fn begun() -> Self {
+        Self {
+            phase: String::new(),
+            excludes: false,
+            systems: String::new(),
+            satellites: 0,
+            satellite: String::new(),
+            rate_mps: 0.0,
+            passes_s: 0.0,
+            available: true,
+            false_alert: false,
+            told_s: None,
+            unusable_s: None,
+            passed_s: None,
+            largest_usable: 0.0,
+            time_to_alert_s: None,
+            above_level: 0,
+            wrong: false,
+        }
+    }
 }
 
 /// The satellite whose fault is the largest part of an alert limit before it is seen.
@@ -319,8 +344,9 @@ impl Campaign for TimeToAlert {
         };
         let longest_s = ONSET_S + WATCHED.0 * PASSES_AFTER_S[1] + WATCHED.1;
         let start = GpsTime::from_week_tow_s(sky::WEEK, tow_s);
+        let calm = Disturbances::default();
         let mut epochs: Vec<Epoch> =
-            Receiver::new(track, conditions, start, longest_s, 1_000_000_000).collect();
+            Receiver::new(track, conditions, &calm, start, longest_s, 1_000_000_000).collect();
         // A phase does not follow a ramp of kilometres in the fields of a message.
         for epoch in &mut epochs {
             let satellites = epoch.observations.satellites.iter_mut();
@@ -379,15 +405,7 @@ impl Campaign for TimeToAlert {
                     satellite: hardest.satellite.to_string(),
                     rate_mps: fault.magnitude,
                     passes_s,
-                    available: true,
-                    false_alert: false,
-                    told_s: None,
-                    unusable_s: None,
-                    passed_s: None,
-                    largest_usable: 0.0,
-                    time_to_alert_s: None,
-                    above_level: 0,
-                    wrong: false,
+                    ..Record::begun()
                 };
                 records.push(judge(record, hardest.satellite, &epochs, &reports));
             }
@@ -427,7 +445,9 @@ impl Campaign for TimeToAlert {
                 let mut ahead: Vec<f64> = of(outcome, phase, excludes).map(ahead_s).collect();
                 ahead.sort_by(f64::total_cmp);
                 let n = ahead.len().max(1) as f64;
-                let points = ahead.iter().enumerate();
+                // As fine as a line can show.
+                let step = (ahead.len() / 200).max(1);
+                let points = ahead.iter().enumerate().step_by(step);
                 Curve {
                     name: name.into(),
                     points: points
@@ -553,6 +573,75 @@ fn row(outcome: &Outcome<Record>, phase: Phase, excludes: bool) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A ramp on a receiver, and what is told once an alert has been forgotten for so many epochs.
+    fn forgetful(forgets: usize) -> Record {
+        let track = Track::MastAt {
+            latitude_deg: 31,
+            longitude_deg: 122,
+        };
+        let conditions = Conditions {
+            seed: 1,
+            noise_free: false,
+            dual_frequency: false,
+            ionosphere: Ionosphere::None,
+            troposphere: true,
+            format: Format::Rtcm3,
+        };
+        let start = GpsTime::from_week_tow_s(sky::WEEK, 274_200);
+        let mut epochs: Vec<Epoch> = Receiver::new(
+            track,
+            conditions,
+            &Disturbances::default(),
+            start,
+            60.0,
+            1_000_000_000,
+        )
+        .collect();
+        let faulty = epochs[0].ephemerides[0].satellite;
+        let fault: FaultSpec = format!("{faulty}:ramp:20:{ONSET_S}:100").parse().unwrap();
+        let mut injector = FaultInjector::new(&[fault], 1);
+        let mut stream = Stream::new(Format::Rtcm3, Ionosphere::None, false);
+        for (k, epoch) in epochs.iter_mut().enumerate() {
+            for observed in &mut epoch.observations.satellites {
+                for signal in &mut observed.signals {
+                    signal.carrier_phase_cycles = None;
+                }
+            }
+            injector.apply(&mut epoch.observations, k as f64);
+            stream.push(epoch).unwrap();
+        }
+        let mut campaign = TimeToAlert::prepare(1, 1).unwrap();
+        let config = config(Phase::Lpv200, &System::ALL, false);
+        let mut reports = campaign.reports(&config, &stream.bytes).unwrap();
+        let alerts = reports
+            .iter_mut()
+            .filter(|report| report.verdict.integrity == Integrity::Alert);
+        for report in alerts.take(forgets) {
+            report.verdict.integrity = Integrity::Nominal;
+        }
+        judge(Record::begun(), faulty, &epochs, &reports)
+    }
+
+    #[test]
+    fn an_alert_that_comes_late_is_seen_to() {
+        let limit_s = Phase::Lpv200.requirements().time_to_alert_s;
+        let timely = forgetful(0);
+        let passed_s = timely.passed_s.unwrap();
+        assert_eq!(timely.time_to_alert_s, Some(0.0));
+        let told_s = timely.told_s.unwrap();
+        assert!(told_s < passed_s);
+        assert_eq!(is_late(&timely, limit_s), [false; 2]);
+        let until_passed = (passed_s - told_s) as usize;
+        for (late_s, is) in [(3, [true, false]), (7, [true, true]), (100, [true, true])] {
+            let late = forgetful(until_passed + late_s);
+            assert_eq!(is_late(&late, limit_s), is, "{late:?}");
+            assert!(late.largest_usable > 1.0);
+            if late_s < 10 {
+                assert_eq!(late.time_to_alert_s, Some(late_s as f64));
+            }
+        }
+    }
 
     #[test]
     fn the_value_that_a_part_does_not_exceed() {

@@ -106,6 +106,11 @@ impl Sent {
         Ok(())
     }
 
+    /// Whether it is an observation of BDS.
+    pub fn is_of_bds(&self) -> bool {
+        matches!(self, Self::Observation { satellite: (system, _), .. } if *system == System::Bds as u8)
+    }
+
     /// Whether it can only be from RXM-RAWX, in a stream with these counts.
     pub fn is_of_rawx(&self, counters: &Counters) -> bool {
         matches!(self, Self::Observation { .. })

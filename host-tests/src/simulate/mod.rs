@@ -13,6 +13,7 @@
 //! files of a scenario folder.
 
 pub mod atmosphere;
+pub mod disturbances;
 pub mod flight;
 pub mod inertial;
 pub mod noise;
@@ -30,6 +31,7 @@ use surefix_core::time::GpsTime;
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultKind, FaultSpec};
 use atmosphere::Ionosphere;
+use disturbances::Disturbances;
 use flight::Flight;
 use inertial::sensors::Grade;
 use receiver::{Conditions, Epoch, Receiver};
@@ -76,6 +78,9 @@ pub struct Args {
     /// Fault on a satellite, `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`, for example G05:step:50:60:180.
     #[arg(long = "fault", value_name = "SPEC")]
     pub faults: Vec<FaultSpec>,
+    /// Outages, clock jumps, errors correlated in time.
+    #[command(flatten)]
+    pub disturbances: Disturbances,
 }
 
 /// Arguments of `surefix simulate` as they are given: those of a receiver, and an inertial unit.
@@ -126,8 +131,8 @@ fn first_epoch(args: &Args) -> GpsTime {
     start.plus_ns(args.receiver.label_offset_ns())
 }
 
-/// The epochs that arguments ask for, faults included, before encoding.
-pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
+/// The receiver that arguments ask for.
+fn receiver_of(args: &Args) -> Result<Receiver> {
     if !(0.01..=50.0).contains(&args.rate_hz) {
         bail!("--rate-hz {} is not between 0.01 and 50", args.rate_hz);
     }
@@ -142,21 +147,32 @@ pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
     if !(duration_s > 0.0 && duration_s <= MAX_DURATION_S) {
         bail!("--duration {duration_s} is not more than 0 and at most {MAX_DURATION_S} s");
     }
+    args.disturbances.check(duration_s)?;
     let interval_ms = libm::round(1000.0 / args.rate_hz) as i64;
-    let start = first_epoch(args);
-    let receiver = Receiver::new(
+    Ok(Receiver::new(
         track,
         conditions(args),
-        start,
+        &args.disturbances,
+        first_epoch(args),
         duration_s,
         interval_ms * 1_000_000,
-    );
+    ))
+}
+
+/// The epochs that arguments ask for, faults included, before encoding.
+pub fn epochs(args: &Args) -> Result<impl Iterator<Item = Epoch>> {
+    Ok(faulty(args, receiver_of(args)?))
+}
+
+/// Epochs with the faults of the arguments.
+fn faulty(args: &Args, receiver: impl Iterator<Item = Epoch>) -> impl Iterator<Item = Epoch> {
+    let start = first_epoch(args);
     let mut injector = FaultInjector::new(&args.faults, args.seed);
-    Ok(receiver.map(move |mut epoch| {
+    receiver.map(move |mut epoch| {
         let t_s = epoch.observations.time.seconds_since(start);
         injector.apply(&mut epoch.observations, t_s);
         epoch
-    }))
+    })
 }
 
 /// Simulates in memory.
@@ -170,7 +186,8 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
     let mut stream = Stream::new(args.receiver, args.ionosphere, args.name == Flight::Static);
     let mut first = None;
     let mut coverage = FaultCoverage::new(&args.faults);
-    for epoch in epochs(args)? {
+    let mut receiver = receiver_of(args)?;
+    for epoch in faulty(args, receiver.by_ref()) {
         let time = epoch.observations.time;
         let start = *first.get_or_insert(time);
         stream.push(&epoch)?;
@@ -179,6 +196,7 @@ pub fn simulate(args: &Args) -> Result<Simulation> {
         coverage.see(&epoch.observations, time.seconds_since(start));
     }
     coverage.check()?;
+    receiver.check()?;
     simulation.receiver = stream.bytes;
     simulation.scenario_toml = scenario_toml(args, simulation.epochs);
     Ok(simulation)
@@ -204,6 +222,15 @@ fn truth_row(csv: &mut String, epoch: &Epoch, t_s: f64) -> Result<()> {
 
 fn scenario_toml(args: &Args, epochs: usize) -> String {
     let (latitude_deg, longitude_deg, height_m) = flight::THRESHOLD;
+    let own_multipath = if args.disturbances.multipath.is_some() {
+        String::new()
+    } else {
+        format!(
+            "multipath_sigma_m = \"0.13 + 0.53 exp(-elevation/10 deg)\"   # Gauss-Markov, DO-229 J.2.4\n\
+             multipath_tau_s = {}\n",
+            receiver::MULTIPATH_TAU_S
+        )
+    };
     let noise = if args.noise_free {
         "noise_free = true\n".to_owned()
     } else {
@@ -211,18 +238,17 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
             "noise_free = false\n\
              signal_in_space_sigma_m = {}   # one constant per satellite\n\
              thermal_sigma_m = \"0.36 - 0.21 sin(elevation)\"   # white, DO-229 J.2.4\n\
-             multipath_sigma_m = \"0.13 + 0.53 exp(-elevation/10 deg)\"   # Gauss-Markov, DO-229 J.2.4\n\
-             multipath_tau_s = {}\n\
+             {own_multipath}\
              range_rate_sigma_mps = {}\n\
              phase_sigma_m = {}\n",
             receiver::SIGNAL_IN_SPACE_SIGMA_M,
-            receiver::MULTIPATH_TAU_S,
             receiver::RANGE_RATE_SIGMA_MPS,
             receiver::PHASE_SIGMA_M,
         )
     };
     let faults: Vec<String> = args.faults.iter().map(fault_table).collect();
     let faults = faults.join(", ");
+    let disturbances = args.disturbances.scenario_lines();
     format!(
         "# Written by `surefix simulate`; the same arguments give the same files.\n\
          flight = \"{}\"\n\
@@ -237,6 +263,7 @@ fn scenario_toml(args: &Args, epochs: usize) -> String {
          troposphere = \"{}\"\n\
          {noise}\
          faults = [{faults}]   # T0 and T1 in s from the first epoch\n\
+         {disturbances}\
          \n\
          [files]\n\
          receiver = \"{}\"   # {}\n\
@@ -364,6 +391,7 @@ impl Command {
             noise_free: args.noise_free,
             galileo: self.galileo,
             faults: args.faults.clone(),
+            disturbances: args.disturbances.clone(),
             ..inertial::Request::new(args.name, args.seed)
         })
     }

@@ -11,6 +11,7 @@ use surefix_core::gnss::{Ephemeris, ObservationEpoch, SignalObservation, System}
 use surefix_core::time::GpsTime;
 
 use super::atmosphere::{Ionosphere, ionosphere_m};
+use super::disturbances::{DisturbanceError, Disturbances, Disturber, on_carrier};
 use super::flight::{AntennaState, Track};
 use super::noise::{GaussMarkov, normal, uniform};
 use super::signal_path::{Platform, SignalPath};
@@ -85,6 +86,8 @@ struct Carrier {
     duration_s: f64,
     clock_bias_s: f64,
     clock_drift: f64,
+    /// What jumps have put on the clock at this epoch, s.
+    jumped_s: f64,
 }
 
 impl Platform for Carrier {
@@ -93,7 +96,7 @@ impl Platform for Carrier {
     }
 
     fn clock_bias_s(&self, receiver_s: f64) -> f64 {
-        self.clock_bias_s + self.clock_drift * receiver_s
+        self.clock_bias_s + self.jumped_s + self.clock_drift * receiver_s
     }
 }
 
@@ -102,6 +105,8 @@ pub struct Receiver {
     sky: Sky,
     carrier: Carrier,
     conditions: Conditions,
+    asked: Disturbances,
+    disturber: Disturber,
     start: GpsTime,
     duration_s: f64,
     interval_ns: i64,
@@ -117,6 +122,7 @@ impl Receiver {
     pub fn new(
         track: Track,
         conditions: Conditions,
+        asked: &Disturbances,
         start: GpsTime,
         duration_s: f64,
         interval_ns: i64,
@@ -137,6 +143,8 @@ impl Receiver {
                 }
             })
             .collect();
+        let satellites = sky.slots().iter().map(|slot| slot.satellite);
+        let disturber = Disturber::new(asked, conditions.seed, satellites);
         let mut random = ChaCha20Rng::seed_from_u64(conditions.seed);
         Self {
             sky,
@@ -145,8 +153,11 @@ impl Receiver {
                 duration_s,
                 clock_bias_s: 2.0e-4 * (uniform(&mut random) - 0.5),
                 clock_drift: 2.0e-8 * (uniform(&mut random) - 0.5),
+                jumped_s: 0.0,
             },
             conditions,
+            asked: asked.clone(),
+            disturber,
             start,
             duration_s,
             interval_ns,
@@ -155,6 +166,14 @@ impl Receiver {
             issues: None,
             broadcasts: Vec::new(),
         }
+    }
+
+    /// After the last epoch.
+    ///
+    /// # Errors
+    /// When an outage hid nothing.
+    pub fn check(&self) -> Result<(), DisturbanceError> {
+        self.disturber.check()
     }
 }
 
@@ -166,8 +185,15 @@ impl Iterator for Receiver {
         if since_start_ns as f64 / 1e9 > self.duration_s {
             return None;
         }
+        let before_s = self.next.checked_sub(1).map(|k| {
+            let since_start_ns = k as i64 * self.interval_ns;
+            since_start_ns as f64 / 1e9
+        });
         self.next += 1;
         let label = self.start.plus_ns(since_start_ns);
+        let t_s = since_start_ns as f64 / 1e9;
+        self.carrier.jumped_s = self.asked.jumped_s(t_s);
+        self.disturber.step(self.interval_ns as f64 / 1e9);
         let way = SignalPath {
             platform: &self.carrier,
             start: self.start,
@@ -180,6 +206,7 @@ impl Iterator for Receiver {
             antenna: way.antenna(label, 0.0),
         };
         epoch.observations.restart(label);
+        epoch.observations.flags.clock_reset = self.asked.clock_was_set(before_s, t_s);
         let issues = System::ALL.map(|system| issue_at(system, label));
         if self.issues != Some(issues) {
             self.issues = Some(issues);
@@ -205,9 +232,15 @@ impl Iterator for Receiver {
                 disturbance.tracked_since = None;
                 continue;
             }
+            if self.disturber.hides(t_s, ephemeris.satellite) {
+                disturbance.tracked_since = None;
+                continue;
+            }
             let tracked_since = *disturbance.tracked_since.get_or_insert(label);
             let system = ephemeris.satellite.system();
             let scale = if self.conditions.noise_free { 0.0 } else { 1.0 };
+            let asked_multipath_m = self.disturber.multipath_m(ephemeris.satellite);
+            let left_over_m = self.disturber.ionosphere_m(path.ray.elevation_rad);
             let Conditions {
                 format,
                 dual_frequency,
@@ -219,22 +252,28 @@ impl Iterator for Receiver {
                 let clean_m = way.clean_range_m(ephemeris, channel, label, 0.0);
                 let before_m = way.clean_range_m(ephemeris, channel, label, -step_s);
                 let after_m = way.clean_range_m(ephemeris, channel, label, step_s);
-                let ionosphere_m = ionosphere_m(
+                let model_m = ionosphere_m(
                     self.conditions.ionosphere,
                     &path.ray,
                     label,
                     channel.frequency_hz,
                 );
+                let ionosphere_m = model_m + on_carrier(left_over_m, channel.frequency_hz);
                 let elevation_rad = path.ray.elevation_rad;
+                let (own_multipath_m, asked_multipath_m) = match asked_multipath_m {
+                    Some(asked) => (0.0, asked[k]),
+                    None => (multipath_sigma_m(elevation_rad) * multipath[k], 0.0),
+                };
                 let error_m = disturbance.signal_in_space_m
-                    + multipath_sigma_m(elevation_rad) * multipath[k]
+                    + own_multipath_m
                     + thermal_sigma_m(elevation_rad) * white[k][0];
                 let wavelength_m = SPEED_OF_LIGHT_MPS / channel.frequency_hz;
                 let phase_m = clean_m - ionosphere_m
                     + scale * (disturbance.signal_in_space_m + PHASE_SIGMA_M * white[k][1]);
 
                 let mut observation = SignalObservation::new(channel.signal);
-                observation.pseudorange_m = Some(clean_m + ionosphere_m + scale * error_m);
+                observation.pseudorange_m =
+                    Some(clean_m + ionosphere_m + scale * error_m + asked_multipath_m);
                 observation.carrier_phase_cycles =
                     Some(phase_m / wavelength_m + disturbance.ambiguity_cycles[k]);
                 observation.range_rate_mps = Some(

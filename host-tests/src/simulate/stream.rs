@@ -32,8 +32,8 @@ pub enum Format {
     /// receiver.rtcm3: MSM7, ephemerides 1019, 1042, 1045, 1046
     #[default]
     Rtcm3,
-    /// receiver.ubx, as from a u-blox receiver: RXM-RAWX, and RXM-SFRBX with navigation messages; an
-    /// ephemeris is complete 20 to 45 s after the start
+    /// receiver.ubx, as from a u-blox receiver: RXM-RAWX, and RXM-SFRBX with navigation messages: GPS
+    /// gives positions after 20 s, the ionosphere comes once in 12.5 minutes
     Ubx,
 }
 

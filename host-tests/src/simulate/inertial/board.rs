@@ -17,6 +17,7 @@ use super::clock::CLOCK_NOISE;
 use super::trajectory::matrix;
 use super::{Scenario, random};
 use crate::simulate::atmosphere::{Ionosphere, ionosphere_m};
+use crate::simulate::disturbances::on_carrier;
 use crate::simulate::flight::{AntennaState, Flight};
 use crate::simulate::inertial::measurements::Row;
 use crate::simulate::noise::normal;
@@ -47,9 +48,15 @@ pub struct Radio {
     pub format: Format,
 }
 
-impl Platform for Scenario {
+/// A flight at one epoch, with what jumps have put on its clock by then.
+struct Flown<'a> {
+    scenario: &'a Scenario,
+    jumped_s: f64,
+}
+
+impl Platform for Flown<'_> {
     fn antenna(&self, true_s: f64) -> AntennaState {
-        let state = self.trajectory.state(true_s);
+        let state = self.scenario.trajectory.state(true_s);
         AntennaState {
             position_e_m: state.r_eb_e,
             velocity_e_mps: state.v_eb_e,
@@ -57,7 +64,7 @@ impl Platform for Scenario {
     }
 
     fn clock_bias_s(&self, receiver_s: f64) -> f64 {
-        self.clock.bias_s(receiver_s)
+        self.scenario.clock.bias_s(receiver_s) + self.jumped_s
     }
 }
 
@@ -68,17 +75,23 @@ impl Platform for Scenario {
 /// # Errors
 /// When a message does not encode.
 pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
-    let way = SignalPath {
-        platform: scenario,
-        start: scenario.start,
-        troposphere: radio.troposphere,
-    };
+    let asked = &scenario.request.disturbances;
     let flight = scenario.request.flight;
     let fixed = matches!(flight, Flight::Static | Flight::StaticPerfect);
     let mut stream = Stream::new(radio.format, radio.ionosphere, fixed);
     let mut random = random(scenario.request.seed, STREAM_RECEIVER);
     let mut tracked: Vec<(Satellite, GpsTime)> = Vec::new();
+    let mut before_s = None;
     for epoch in &scenario.epochs {
+        let flown = Flown {
+            scenario,
+            jumped_s: asked.jumped_s(epoch.t_s),
+        };
+        let way = SignalPath {
+            platform: &flown,
+            start: scenario.start,
+            troposphere: radio.troposphere,
+        };
         let since_start_ns = libm::round(epoch.t_s * 1e9) as i64;
         let label = scenario
             .start
@@ -97,6 +110,8 @@ pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
             antenna: way.antenna(label, 0.0),
         };
         sent.observations.restart(label);
+        let reset = asked.clock_was_set(before_s.replace(epoch.t_s), epoch.t_s);
+        sent.observations.flags.clock_reset = reset;
         for row in &epoch.rows {
             let satellite = row.measurement.satellite;
             let since = match tracked.iter().find(|(known, _)| *known == satellite) {
@@ -115,6 +130,7 @@ pub fn receiver_bytes(scenario: &Scenario, radio: &Radio) -> Result<Vec<u8>> {
                 } else {
                     second_signal(scenario, row, &mut random)
                 };
+                let errors = (errors.0 + row.multipath_m[number], errors.1);
                 let observation = observe(&way, radio, row, channel, label, errors, &mut random);
                 // Fits: fewer satellites are above the mask than an epoch holds.
                 let _ = sent.observations.add(satellite, observation);
@@ -180,7 +196,7 @@ fn second_signal(scenario: &Scenario, row: &Row, random: &mut ChaCha20Rng) -> (f
 
 /// One signal as the receiver measures it.
 fn observe(
-    way: &SignalPath<'_, Scenario>,
+    way: &SignalPath<'_, Flown<'_>>,
     radio: &Radio,
     row: &Row,
     channel: &Channel,
@@ -193,9 +209,14 @@ fn observe(
     let clean_m = way.clean_range_m(ephemeris, channel, label, 0.0);
     let before_m = way.clean_range_m(ephemeris, channel, label, -STEP_S);
     let after_m = way.clean_range_m(ephemeris, channel, label, STEP_S);
-    let delay_m = ionosphere_m(radio.ionosphere, &path.ray, label, channel.frequency_hz);
+    let delay_m = ionosphere_m(radio.ionosphere, &path.ray, label, channel.frequency_hz)
+        + on_carrier(row.ionosphere_error_m, channel.frequency_hz);
     let wavelength_m = SPEED_OF_LIGHT_MPS / channel.frequency_hz;
-    let scale = if way.platform.noise_free { 0.0 } else { 1.0 };
+    let scale = if way.platform.scenario.noise_free {
+        0.0
+    } else {
+        1.0
+    };
     let phase_m = clean_m - delay_m + scale * PHASE_SIGMA_M * normal(random);
 
     let mut observation = SignalObservation::new(channel.signal);

@@ -190,6 +190,7 @@ pub fn scenario_toml(scenario: &Scenario, format: Format) -> String {
          gyro_bias_walk = {:e}   # rad/s/sqrt(s)\n\
          accel_bias_walk = {:e}   # m/s2/sqrt(s)\n\
          faults = [{}]   # SAT:KIND:MAG:T0:T1[:rr][:PERIOD], s from t_s = 0\n\
+         {}\
          \n\
          [files]\n\
          scenario = [\"imu.csv\", \"gnss.csv\", \"init.csv\", \"truth.csv\", \"faults.csv\"]\n\
@@ -209,6 +210,7 @@ pub fn scenario_toml(scenario: &Scenario, format: Format) -> String {
         density.gyro_bias_walk,
         density.accel_bias_walk,
         faults.join(", "),
+        scenario.request.disturbances.scenario_lines(),
         format.file(),
         match format {
             Format::Rtcm3 => "RTCM 3 from t_s = 0 on: MSM7, 1019, 1042",

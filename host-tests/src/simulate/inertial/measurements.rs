@@ -9,6 +9,7 @@
 //! obliquity factor F of a shell at 350 km and a constant for orbit, clock and troposphere; σ_0 is
 //! 0.54 m for GPS, 0.74 m for BDS, 1.09 m for BDS GEO. σ_ρ' = 0.05 m/s / √sin E.
 
+use anyhow::Result;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha20Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -21,7 +22,8 @@ use surefix_core::time::GpsTime;
 
 use super::fifteen_digits;
 use super::trajectory::State;
-use crate::faults::{FaultCoverage, FaultInjector, FaultSpec, FaultWithoutEffect};
+use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
+use crate::simulate::disturbances::{Disturbances, Disturber};
 use crate::simulate::noise::normal;
 use crate::simulate::orbit::{earth_rate, position_frozen_e};
 use crate::simulate::receiver::TRACKING_MASK_DEG;
@@ -49,6 +51,10 @@ pub struct Row {
     pub noise: (f64, f64),
     /// Fault on the pseudorange, m, and on the range rate, m/s.
     pub fault: (f64, f64),
+    /// Multipath asked for on the code of the first and the second signal, m.
+    pub multipath_m: [f64; 2],
+    /// Error of the ionosphere asked for, on L1, m.
+    pub ionosphere_error_m: f64,
     /// What the satellite broadcasts.
     pub ephemeris: Ephemeris,
 }
@@ -60,7 +66,8 @@ impl Row {
         let m = &mut self.measurement;
         m.r_es_e_m = m.r_es_e_m.map(fifteen_digits);
         m.v_es_e_mps = m.v_es_e_mps.map(fifteen_digits);
-        m.pseudorange_m = fifteen_digits(m.pseudorange_m + noise.0 + fault.0);
+        let disturbed_m = m.pseudorange_m + self.multipath_m[0] + self.ionosphere_error_m;
+        m.pseudorange_m = fifteen_digits(disturbed_m + noise.0 + fault.0);
         m.sigma_pseudorange_m = fifteen_digits(m.sigma_pseudorange_m);
         m.range_rate_mps = m.range_rate_mps.map(|(rate_mps, sigma_mps)| {
             (
@@ -113,6 +120,9 @@ pub struct Measurer {
     injector: FaultInjector,
     faults: Vec<FaultSpec>,
     coverage: FaultCoverage,
+    disturber: Disturber,
+    /// Time of the epoch before, s.
+    before_s: Option<f64>,
 }
 
 impl Measurer {
@@ -125,6 +135,7 @@ impl Measurer {
         galileo: bool,
         outages: &[Outage],
         faults: &[FaultSpec],
+        disturbances: &Disturbances,
     ) -> Self {
         let mut slots: Vec<_> = Sky::new()
             .slots()
@@ -137,7 +148,10 @@ impl Measurer {
             })
             .collect();
         slots.sort_by_key(|(slot, _)| (slot.satellite.system().letter(), slot.satellite.prn()));
+        let satellites = slots.iter().map(|(slot, _)| slot.satellite);
         Self {
+            disturber: Disturber::new(disturbances, seed, satellites),
+            before_s: None,
             slots,
             start,
             noise_free,
@@ -154,6 +168,12 @@ impl Measurer {
         let time = self.start.plus_ns(libm::round(t_s * 1e9) as i64);
         let scale = if self.noise_free { 0.0 } else { 1.0 };
         let up_e = -truth.c_e_n.column(2);
+        // How long the first step is does not matter to processes in their stationary state.
+        let step_s = self
+            .before_s
+            .replace(t_s)
+            .map_or(1.0, |before_s| t_s - before_s);
+        self.disturber.step(step_s);
         let mut rows = Vec::new();
         for (slot, random) in &mut self.slots {
             let (n_range, n_rate) = (normal(random), normal(random));
@@ -181,10 +201,13 @@ impl Measurer {
                 elevation_rad,
                 noise: (scale * sigma_m * n_range, scale * sigma_mps * n_rate),
                 fault: (0.0, 0.0),
+                multipath_m: self.disturber.multipath_m(satellite).unwrap_or_default(),
+                ionosphere_error_m: self.disturber.ionosphere_m(elevation_rad),
                 ephemeris,
             });
         }
         self.hide(t_s, &truth.r_eb_e, &mut rows);
+        rows.retain(|row| !self.disturber.hides(t_s, row.measurement.satellite));
         self.fail(time, t_s, &mut rows);
         rows.iter_mut().for_each(Row::finish);
         Epoch { t_s, rows }
@@ -240,9 +263,10 @@ impl Measurer {
     /// After the last epoch.
     ///
     /// # Errors
-    /// When a fault touched no epoch.
-    pub fn check(&self) -> Result<(), FaultWithoutEffect> {
-        self.coverage.check()
+    /// When a fault touched no epoch, or an outage hid nothing.
+    pub fn check(&self) -> Result<()> {
+        self.coverage.check()?;
+        Ok(self.disturber.check()?)
     }
 }
 

@@ -26,10 +26,12 @@ use anyhow::{Result, bail};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha20Rng;
 use rand_chacha::rand_core::SeedableRng;
+use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::ins::sample::{ImuSample, InitialSigma, InitialState, ReferenceModel};
 use surefix_core::time::{GpsTime, NS_PER_S};
 
 use super::START_TOW_S;
+use super::disturbances::Disturbances;
 use super::flight::Flight;
 use super::noise::normal;
 use super::sky::WEEK;
@@ -66,6 +68,8 @@ pub struct Request {
     pub galileo: bool,
     /// Faults beside the flight's own.
     pub faults: Vec<FaultSpec>,
+    /// Outages beside the flight's own, clock jumps, errors correlated in time.
+    pub disturbances: Disturbances,
 }
 
 impl Request {
@@ -81,6 +85,7 @@ impl Request {
             noise_free: false,
             galileo: false,
             faults: Vec::new(),
+            disturbances: Disturbances::default(),
         }
     }
 }
@@ -116,7 +121,7 @@ pub struct Scenario {
     pub faults: Vec<FaultSpec>,
     /// The true track.
     pub trajectory: Trajectory,
-    /// The true receiver clock.
+    /// The true receiver clock, without the jumps asked for.
     pub clock: ReceiverClock,
     /// Inertial samples, errors included.
     pub imu: Vec<ImuSample>,
@@ -174,6 +179,7 @@ pub fn fly(request: &Request) -> Result<Scenario> {
             plan.duration_s
         );
     }
+    request.disturbances.check(f64::from(duration_s))?;
     build(request, plan, duration_s)
 }
 
@@ -202,6 +208,7 @@ fn build(request: &Request, plan: Plan, duration_s: u32) -> Result<Scenario> {
         request.galileo,
         &plan.outages,
         &faults,
+        &request.disturbances,
     );
 
     let interval_ns = NS_PER_S as u32 / imu_hz;
@@ -222,7 +229,8 @@ fn build(request: &Request, plan: Plan, duration_s: u32) -> Result<Scenario> {
         if k % (imu_hz / gnss_hz) as usize == 0 {
             let t_s = trajectory.time_s(k);
             let state = trajectory.state(t_s);
-            let clock_now = clock.at_step(epochs.len());
+            let mut clock_now = clock.at_step(epochs.len());
+            clock_now.0 += SPEED_OF_LIGHT_MPS * request.disturbances.jumped_s(t_s);
             epochs.push(measurer.measure(t_s, &state, clock_now));
             if k % imu_hz as usize == 0 {
                 truth.push(TruthRow {
