@@ -93,6 +93,14 @@ impl Subject {
         }
     }
 
+    /// Adds what was sent on one of the lines that a mixed stream is made of: a frame that is cut there
+    /// is whole again when damage takes out what stands between its parts.
+    #[must_use]
+    pub fn with_line(mut self, line: &[u8]) -> Self {
+        self.known.extend(Known::of(line));
+        self
+    }
+
     /// What it holds.
     pub const fn known(&self) -> &Known {
         &self.known

@@ -69,10 +69,13 @@ fn a_damaged_line_of_two_receivers_gives_nothing_that_was_not_sent() {
         mixed.extend(b"$GNTXT,01,01,02,between*00\r\n");
         mixed.extend(b);
     }
+    let mixed = Subject::new("mixed", mixed)
+        .with_line(&ubx)
+        .with_line(&rtcm3);
     let subjects = [
         Subject::new("UBX", ubx),
         Subject::new("RTCM 3", rtcm3),
-        Subject::new("mixed", mixed),
+        mixed,
     ];
     damage(&subjects, 3_000);
 }

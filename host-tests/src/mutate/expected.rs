@@ -147,6 +147,11 @@ impl Known {
         Self(sent)
     }
 
+    /// Adds what another stream says was sent.
+    pub fn extend(&mut self, other: Self) {
+        self.0.extend(other.0);
+    }
+
     /// Whether it was sent.
     pub fn contains(&self, sent: &Sent) -> bool {
         self.0.contains(sent)
