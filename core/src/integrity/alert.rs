@@ -293,7 +293,7 @@ mod tests {
         set
     }
 
-    /// A level above its limit ends an alert when tests have passed long enough, and settles then.
+    /// INT-060. A level above its limit ends an alert when tests have passed long enough, and settles then.
     #[test]
     fn passed_tests_count_though_a_level_is_above_its_limit() {
         let mut alerts = Alerts::STARTING;
