@@ -9,7 +9,7 @@
 //! | module | what it does |
 //! |---|---|
 //! | [`consts`], [`time`], [`linalg`], [`stats`], [`frames`] | numbers: sourced constants, GNSS time, small QR, tails and quantiles, geodesy |
-//! | [`wire`] | bytes to checked messages (RTCM 3, surefix's own frame), and the output frame |
+//! | [`wire`] | bytes to checked messages (UBX, RTCM 3, surefix's own frame, navigation messages), and what is sent: frames, NMEA |
 //! | [`gnss`] | satellites: observation epochs, broadcast orbits and clocks, atmosphere, sigmas, the snapshot solution |
 //! | [`ins`] | inertial samples to position, velocity and attitude |
 //! | [`ekf`] | the error-state filter: shared transition, compressed update, the tightly coupled navigator |

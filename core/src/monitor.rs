@@ -288,7 +288,23 @@ impl Monitor {
         if self.pending != Pending::Corrected {
             self.alerts.step(&mut report.verdict, report.time);
         }
+        if self.pending == Pending::Observations {
+            self.name_those_in_view(&mut report.verdict);
+        }
         report
+    }
+
+    /// A satellite stays excluded while it is out of view; told are those that would be used otherwise.
+    fn name_those_in_view(&self, verdict: &mut Verdict) {
+        let all = verdict.excluded;
+        for satellite in all.iter() {
+            if self.snapshot.workspace().is_out_of_view(satellite) {
+                verdict.excluded.remove(satellite);
+            }
+        }
+        if verdict.excluded.is_empty() && verdict.integrity == Integrity::Excluded {
+            verdict.integrity = Integrity::Nominal;
+        }
     }
 
     fn process_observations(

@@ -51,7 +51,8 @@ enum Command {
 
 #[derive(clap::Args)]
 struct ReplayArguments {
-    /// RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; recognised by content
+    /// u-blox UBX (RXM-RAWX, RXM-SFRBX), RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; recognised
+    /// by content
     #[arg(long, value_name = "FILE")]
     gnss: PathBuf,
     /// RINEX 3 or 4 navigation file; may be given several times
@@ -61,7 +62,8 @@ struct ReplayArguments {
     /// surefix's own frames
     #[arg(long, value_name = "FILE")]
     imu: Option<PathBuf>,
-    /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, or RTKLIB .pos. Without
+    /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, RTKLIB .pos,
+    /// or UBX with NAV-PVT of resolved carrier-phase ambiguities. Without
     /// this, --at and --at-llh the position that the recording states for itself is the truth, if its
     /// antenna was fixed: not with inertial samples, and not when more than a quarter of the positions
     /// lie farther than 10 m from it
@@ -96,7 +98,7 @@ struct ReplayArguments {
     /// Which verdicts to print as they come
     #[arg(long, value_enum, default_value = "changes")]
     print: Print,
-    /// Directory to write epochs.csv, satellites.csv, errors.csv, summary.json, track.kml, track.gpx and report.html to
+    /// Directory to write epochs.csv, satellites.csv, sentences.nmea, errors.csv, summary.json, track.kml, track.gpx and report.html to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
 }

@@ -82,7 +82,15 @@ pub struct Subject {
 impl Subject {
     /// Reads what the undamaged bytes hold.
     pub fn new(name: impl Into<String>, bytes: Vec<u8>) -> Self {
-        let known = Known::of(&bytes);
+        let mut known = Known::of(&bytes);
+        // MSM beside RXM-RAWX gives no epochs; where damage has taken every RXM-RAWX away it does.
+        let mut without_rawx = bytes.clone();
+        for start in 0..bytes.len() {
+            if bytes[start..].starts_with(&[0xB5, 0x62, 0x02, 0x15]) {
+                without_rawx[start] = 0;
+            }
+        }
+        known.extend(Known::of(&without_rawx));
         let bds_time_is_wrong = decode(&bytes, &[bytes.len()])
             .is_ok_and(|decoded| decoded.counters.bds_time_contradicted > 0);
         Self {
@@ -91,14 +99,6 @@ impl Subject {
             known,
             bds_time_is_wrong,
         }
-    }
-
-    /// Adds what was sent on one of the lines that a mixed stream is made of: a frame that is cut there
-    /// is whole again when damage takes out what stands between its parts.
-    #[must_use]
-    pub fn with_line(mut self, line: &[u8]) -> Self {
-        self.known.extend(Known::of(line));
-        self
     }
 
     /// What it holds.

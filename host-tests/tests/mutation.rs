@@ -27,6 +27,9 @@ fn damaged_recordings_give_nothing_that_was_not_sent() {
         "data/ubx-parser-corpus/pyubx2_pygpsdata-MIXED.log",
         "data/rtcm3-str1-week-rollover-2018/week-rollover-STR24.rtcm3",
         "data/rtcm3-str1-week-rollover-2018/week-rollover-STR17.rtcm3",
+        "data/rtcm3-parser-corpus/msm7.rtcm",
+        "data/rtcm3-parser-corpus/eph.rtcm",
+        "data/rtcm3-parser-corpus/mixed-msm-legacy.rtcm",
     ] {
         if let Some(path) = common::shared(name) {
             subjects.push(Subject::new(name, read_unzipped(&path).unwrap()));
@@ -69,13 +72,10 @@ fn a_damaged_line_of_two_receivers_gives_nothing_that_was_not_sent() {
         mixed.extend(b"$GNTXT,01,01,02,between*00\r\n");
         mixed.extend(b);
     }
-    let mixed = Subject::new("mixed", mixed)
-        .with_line(&ubx)
-        .with_line(&rtcm3);
     let subjects = [
         Subject::new("UBX", ubx),
         Subject::new("RTCM 3", rtcm3),
-        mixed,
+        Subject::new("mixed", mixed),
     ];
     damage(&subjects, 3_000);
 }

@@ -8,9 +8,12 @@ use std::collections::BTreeMap;
 use surefix_core::gnss::{ObservationEpoch, SignalObservation};
 use surefix_core::ingest::{Event, Ingest};
 use surefix_core::time::GpsTime;
-use surefix_core::wire::Counters;
+use surefix_core::wire::{Counters, ubx};
 use surefix_host_tests::mutate::Known;
 use surefix_host_tests::rinex::{self, ObservationReader, read_unzipped};
+use surefix_host_tests::simulate::disturbances::Disturbances;
+use surefix_host_tests::simulate::stream::Format;
+use surefix_host_tests::simulate::{Args, atmosphere::Ionosphere, flight::Flight, simulate};
 use ublox::proto27::{PacketRef, Proto27};
 use ublox::{ParserBuilder, UbxPacket};
 
@@ -109,6 +112,51 @@ fn every_observation_is_what_the_ublox_crate_reads_and_none_is_missing() {
     }
 }
 
+/// INT-051. A reference station's observations on the line of a u-blox receiver are never taken for its own: not
+/// before it knows the week, and not when it is silent.
+#[test]
+fn a_reference_station_on_the_line_gives_no_epoch() {
+    let simulated = |name: Flight, receiver: Format| {
+        let args = Args {
+            name,
+            seed: 1,
+            out: std::path::PathBuf::new(),
+            rate_hz: 1.0,
+            duration: Some(20.0),
+            noise_free: false,
+            dual_frequency: false,
+            no_troposphere: false,
+            ionosphere: Ionosphere::None,
+            receiver,
+            faults: Vec::new(),
+            disturbances: Disturbances::default(),
+        };
+        simulate(&args).unwrap().receiver
+    };
+    let station = simulated(Flight::Static, Format::Rtcm3);
+    let rover = simulated(Flight::Approach, Format::Ubx);
+    let (of_station, _) = decode(&station);
+    let (of_rover, _) = decode(&rover);
+    assert!(of_station.len() == 21 && of_rover.len() == 21);
+    // RXM-RAWX before the week is known: a head without a measurement.
+    let mut content = vec![0; 16];
+    content[..8].copy_from_slice(&18.0_f64.to_le_bytes());
+    content[13] = 1;
+    let mut ignorant = ubx::PREAMBLE.to_vec();
+    ignorant.extend(ubx::RXM_RAWX);
+    ignorant.extend(16_u16.to_le_bytes());
+    ignorant.extend(content);
+    let sum = ubx::checksum(&ignorant[2..]);
+    ignorant.extend(sum);
+    let (epochs, counters) = decode(&[&ignorant[..], &station].concat());
+    assert_eq!((epochs.len(), counters.rawx_without_week), (0, 1));
+    assert!(counters.observations_of_another_source > 20);
+    // The station first: its epochs end with the first of the rover, and come back with nothing.
+    let (epochs, _) = decode(&[&station[..], &rover, &station].concat());
+    assert_eq!(epochs.len(), 42);
+    assert_eq!(epochs[21..], of_rover);
+}
+
 /// Observations by satellite and carrier; RTKLIB has names of its own for the channels of a signal.
 fn by_carrier(epoch: &ObservationEpoch) -> BTreeMap<(String, u64), SignalObservation> {
     epoch
@@ -125,7 +173,7 @@ fn by_carrier(epoch: &ObservationEpoch) -> BTreeMap<(String, u64), SignalObserva
 /// INT-051.
 #[test]
 fn observations_are_those_of_rinex_files_that_rtklib_made() {
-    for (ubx, obs, at_least) in [
+    for (stream, obs, at_least) in [
         (
             WALK.to_owned(),
             "data/walk0827-x20p-imu/derived_convbin.obs".to_owned(),
@@ -133,10 +181,10 @@ fn observations_are_those_of_rinex_files_that_rtklib_made() {
         ),
         (format!("{SPIRENT}.ubx"), format!("{SPIRENT}.obs"), 25_000),
     ] {
-        let (Some(ubx), Some(obs)) = (common::shared(&ubx), common::shared(&obs)) else {
+        let (Some(stream), Some(obs)) = (common::shared(&stream), common::shared(&obs)) else {
             continue;
         };
-        let (epochs, _) = decode(&read_unzipped(&ubx).unwrap());
+        let (epochs, _) = decode(&read_unzipped(&stream).unwrap());
         let times: BTreeMap<i64, &ObservationEpoch> = epochs
             .iter()
             .map(|epoch| (epoch.time.ns() / 1_000_000, epoch))

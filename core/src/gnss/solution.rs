@@ -351,6 +351,14 @@ impl SnapshotWorkspace {
         }
     }
 
+    /// Whether a satellite was not observed, or stands below the mask as seen from the last place looked from.
+    pub fn is_out_of_view(&self, satellite: Satellite) -> bool {
+        match self.row(satellite) {
+            Some(row) => self.sky_at.is_some() && !row.sky.above_mask,
+            None => true,
+        }
+    }
+
     /// Azimuth from north to east and elevation of a satellite, as of the last place looked from, rad.
     pub fn direction_rad(&self, satellite: Satellite) -> Option<[f64; 2]> {
         self.sky_at?;

@@ -51,20 +51,6 @@ enum Place {
     Before,
 }
 
-/// A receiver may send its observations twice, as MSM and as RXM-RAWX, and pass on those of a reference
-/// station, with other clocks and from another place. Epochs are made from one source, until it has
-/// been silent for so long by the time of the other, ns.
-const SOURCE_SILENT_NS: u64 = 5 * NS_PER_S.unsigned_abs();
-
-/// What epochs are made from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Observer {
-    /// Multiple signal messages.
-    Msm,
-    /// RXM-RAWX.
-    Rawx,
-}
-
 /// The epochs being put together, and the week.
 #[derive(Clone, Debug)]
 pub(super) struct Assembler {
@@ -78,8 +64,10 @@ pub(super) struct Assembler {
     late: LateEpochs,
     weeks: WeekResolver,
     corrected: CorrectedAssembler,
-    /// Where observations come from, and when they last did.
-    observer: Option<(Observer, GpsTime)>,
+    /// An RXM-RAWX has come. It is the receiver's own; MSM beside it may be the same once more, or a reference
+    /// station's, with another clock and from another place, and gives no epoch any more: not while the
+    /// receiver does not know the week, and not when it falls silent.
+    has_rawx: bool,
     /// Parts of navigation messages.
     subframes: Collector,
     /// The ephemeris of a frame that will be given again.
@@ -123,7 +111,7 @@ impl Assembler {
         late: LateEpochs::NONE,
         weeks: WeekResolver::EMPTY,
         corrected: CorrectedAssembler::EMPTY,
-        observer: None,
+        has_rawx: false,
         subframes: Collector::EMPTY,
         held: None,
     };
@@ -209,21 +197,14 @@ impl Assembler {
         }
     }
 
-    /// Whether epochs are made from what `observer` says at `time`. The first one is followed, and another
-    /// one when it has fallen silent; one of the two may not know the week yet.
-    fn follows(&mut self, observer: Observer, time: GpsTime, counters: &mut Counters) -> bool {
-        if let Some((followed, last)) = self.observer
-            && followed != observer
-            && GpsTime::nearest(time.tow_ns(), last)
-                .ns()
-                .abs_diff(last.ns())
-                <= SOURCE_SILENT_NS
-        {
-            count(&mut counters.observations_of_another_source);
-            return false;
+    /// Epochs are made from RXM-RAWX from now on; one begun with MSM is dropped.
+    fn follow_rawx(&mut self) {
+        if !self.has_rawx {
+            self.has_rawx = true;
+            self.is_open = false;
+            self.has_time = false;
+            self.late = LateEpochs::NONE;
         }
-        self.observer = Some((observer, time));
-        true
     }
 
     fn take_ubx(
@@ -233,8 +214,10 @@ impl Assembler {
     ) -> Result<Outcome, ubx::PayloadError> {
         match frame.message {
             ubx::RXM_RAWX if !frame.payload.is_empty() => {
+                self.follow_rawx();
                 Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters))
             }
+
             ubx::RXM_SFRBX if !frame.payload.is_empty() => {
                 Ok(self.take_subframe(&ubx::sfrbx::parse(frame.payload)?, counters))
             }
@@ -300,9 +283,6 @@ impl Assembler {
 
     fn take_rawx(&mut self, rawx: &Rawx<'_>, counters: &mut Counters) -> Outcome {
         let time = convert::ubx_time(rawx);
-        if !self.follows(Observer::Rawx, time, counters) {
-            return Outcome::Used;
-        }
         let shift_weeks = self.weeks.learn_epoch(time);
         if let Some(event) = self.week_learnt(shift_weeks) {
             return Outcome::FirstGives(event);
@@ -366,7 +346,8 @@ impl Assembler {
         ) else {
             return Outcome::Used;
         };
-        if !self.follows(Observer::Msm, time, counters) {
+        if self.has_rawx {
+            count(&mut counters.observations_of_another_source);
             return Outcome::Used;
         }
         // A sender from before the standard gives GPST where BDT belongs. Its time must not be

@@ -10,7 +10,7 @@
 //! | an epoch missed: receiver silent, deadline | the next usable verdict |
 //! | unavailable: no level, or one above its limit | verdicts were usable for the time to alert, 10 s at most, without one that was not |
 //! | alert, and a satellite was excluded since the last test that failed | the verdict is usable: the cause is named and gone; with a level above its limit it is `unavailable` |
-//! | alert, otherwise | verdicts were usable for [`HOLD_NS`] without a failed test |
+//! | alert, otherwise | tests passed for [`HOLD_NS`] without one that failed; with levels above their limit it is unavailable then |
 //!
 //! Why: docs/decisions/011-alerts.md. `unavailable` does not end an alert, it cannot tell that the fault is gone.
 
@@ -64,6 +64,8 @@ pub enum AlertEvent {
     NoLevel = 5,
     /// No epoch, or no answer in time.
     Missed = 6,
+    /// A test passed, and a level is above its limit.
+    AboveLimit = 7,
 }
 
 impl AlertState {
@@ -81,7 +83,7 @@ impl AlertState {
     /// limit must have been for `settle_ns`.
     pub const fn after(self, event: AlertEvent, usable_ns: i64, settle_ns: i64) -> Self {
         use AlertEvent::{
-            Fault, Isolated, IsolatedAboveLimit, Missed, NoLevel, Passed, PassedWithout,
+            AboveLimit, Fault, Isolated, IsolatedAboveLimit, Missed, NoLevel, Passed, PassedWithout,
         };
         use AlertState::{Alert, Excluded, Interrupted, Nominal, Starting, Unavailable};
         match (self, event) {
@@ -89,22 +91,26 @@ impl AlertState {
 
             (Starting | Nominal | Excluded | Interrupted, Passed) => Nominal,
             (Starting | Nominal | Excluded | Interrupted, PassedWithout | Isolated) => Excluded,
-            (Starting, NoLevel | IsolatedAboveLimit | Missed) => Starting,
-            (Nominal | Excluded | Interrupted, NoLevel | IsolatedAboveLimit) => Unavailable,
+            (Starting, NoLevel | AboveLimit | IsolatedAboveLimit | Missed) => Starting,
+            (Nominal | Excluded | Interrupted, NoLevel | AboveLimit | IsolatedAboveLimit) => {
+                Unavailable
+            }
             (Nominal | Excluded | Interrupted, Missed) => Interrupted,
 
             (Unavailable, Passed) if usable_ns >= settle_ns => Nominal,
             (Unavailable, PassedWithout | Isolated) if usable_ns >= settle_ns => Excluded,
             (
                 Unavailable,
-                Passed | PassedWithout | Isolated | IsolatedAboveLimit | NoLevel | Missed,
+                Passed | PassedWithout | Isolated | AboveLimit | IsolatedAboveLimit | NoLevel
+                | Missed,
             ) => Unavailable,
 
             (Alert, Isolated) => Excluded,
             (Alert, IsolatedAboveLimit) => Unavailable,
             (Alert, Passed) if usable_ns >= HOLD_NS => Nominal,
             (Alert, PassedWithout) if usable_ns >= HOLD_NS => Excluded,
-            (Alert, Passed | PassedWithout | NoLevel | Missed) => Alert,
+            (Alert, AboveLimit) if usable_ns >= HOLD_NS => Unavailable,
+            (Alert, Passed | PassedWithout | AboveLimit | NoLevel | Missed) => Alert,
         }
     }
 }
@@ -155,7 +161,13 @@ impl Alerts {
     pub fn step(&mut self, verdict: &mut Verdict, now: GpsTime) {
         let event = self.event(verdict);
         self.count(event, now);
-        self.state = self.state.after(event, self.usable_ns, self.settle_ns);
+        let before = self.state;
+        self.state = before.after(event, self.usable_ns, self.settle_ns);
+        if before == AlertState::Alert && self.state == AlertState::Unavailable {
+            // What proved that the fault is gone was not within the limits.
+            self.usable_ns = 0;
+            self.last_usable = None;
+        }
         match self.state {
             AlertState::Alert if event != AlertEvent::Fault => {
                 verdict.integrity = Integrity::Alert;
@@ -202,6 +214,11 @@ impl Alerts {
             {
                 AlertEvent::IsolatedAboveLimit
             }
+            (Integrity::Unavailable, Reason::HplAboveLimit | Reason::VplAboveLimit)
+                if verdict.statistic.is_some() && verdict.threshold.is_some() =>
+            {
+                AlertEvent::AboveLimit
+            }
             (Integrity::Unavailable, _) => AlertEvent::NoLevel,
         };
         match event {
@@ -219,6 +236,7 @@ impl Alerts {
             | AlertEvent::PassedWithout
             | AlertEvent::Isolated
             | AlertEvent::IsolatedAboveLimit
+            | AlertEvent::AboveLimit
             | AlertEvent::NoLevel => self.excluded = verdict.excluded,
         }
         event
@@ -235,8 +253,10 @@ impl Alerts {
                 | AlertState::Excluded
                 | AlertState::Interrupted
                 | AlertState::Unavailable,
-                AlertEvent::NoLevel,
+                AlertEvent::NoLevel | AlertEvent::AboveLimit,
             ) => true,
+            // Its test has passed.
+            (AlertState::Alert, AlertEvent::AboveLimit) => false,
             (_, AlertEvent::Passed | AlertEvent::PassedWithout | AlertEvent::Isolated) => false,
         };
         if forgets {
@@ -271,6 +291,48 @@ mod tests {
             set.insert(Satellite::new(System::Gps, *prn).unwrap());
         }
         set
+    }
+
+    /// A level above its limit ends an alert when tests have passed long enough, and settles then.
+    #[test]
+    fn passed_tests_count_though_a_level_is_above_its_limit() {
+        let mut alerts = Alerts::STARTING;
+        alerts.configure(&Phase::Lpv200.requirements());
+        let at = |s: i64| GpsTime::from_week_tow_s(2400, s);
+        let mut failed = fault(&[]);
+        alerts.step(&mut failed, at(0));
+        let mut tell = |s: i64, statistic: Option<f64>, integrity: Integrity| {
+            let mut epoch = if integrity.is_usable() {
+                nominal()
+            } else {
+                no_level()
+            };
+            epoch.statistic = statistic;
+            epoch.threshold = Some(30.0);
+            alerts.step(&mut epoch, at(s));
+            (epoch.integrity, epoch.reason)
+        };
+        // Untested ones prove nothing.
+        for s in 1..=300 {
+            assert_eq!(tell(s, None, Integrity::Unavailable).0, Integrity::Alert);
+        }
+        for s in 301..=420 {
+            assert_eq!(
+                tell(s, Some(1.0), Integrity::Unavailable).0,
+                Integrity::Alert,
+                "{s}"
+            );
+        }
+        let above = (Integrity::Unavailable, Reason::HplAboveLimit);
+        assert_eq!(tell(421, Some(1.0), Integrity::Unavailable), above);
+        let settling = (Integrity::Unavailable, Reason::Settling);
+        for s in 422..428 {
+            assert_eq!(tell(s, Some(1.0), Integrity::Nominal), settling, "{s}");
+        }
+        assert_eq!(
+            tell(428, Some(1.0), Integrity::Nominal).0,
+            Integrity::Nominal
+        );
     }
 
     fn verdict(integrity: Integrity, reason: Reason, excluded: &[u8]) -> Verdict {

@@ -8,7 +8,8 @@
 //!
 //! Cost: each byte of a frame goes through a checksum once. A false start costs one checksum more, of
 //! at most 1034 bytes; in noise one byte in 2¹⁴ starts one (preamble and six zero bits). A false start
-//! of UBX, one byte in 2¹⁶, may cost 8184 bytes, and wait for them.
+//! of UBX, one byte in 2¹⁶, may cost 2416 bytes, and wait for them; of RXM-RAWX, whose length is held against
+//! its count, 8184.
 //!
 //! An RTCM 3 frame is `0xD3`, six reserved bits (zero), a 10-bit length, that many bytes, and the
 //! CRC-24Q of all of it. [RTCM-3] 4.2
@@ -349,7 +350,7 @@ mod tests {
         stream.extend(b"SF\x02SF\x01\x02\xff\xff$GPTXT");
         stream.extend(rtcm3(&[4; 700]));
         stream.extend(ubx_frame([1, 7], &[6; 92]));
-        stream.extend(ubx_frame([0x0A, 0x31], &[7; 8176]));
+        stream.extend(ubx_frame([0x0A, 0x31], &[7; 2408]));
         stream.extend([0xB5, 0x62, 0x02, 0x15, 0x31, 0x00]);
         stream.extend([0xB5, 0x62, 0x01, 0x35, 0xF1, 0x1F]);
         let mut damaged = ubx_frame([1, 7], &[6; 92]);

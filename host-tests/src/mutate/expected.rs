@@ -147,7 +147,7 @@ impl Known {
         Self(sent)
     }
 
-    /// Adds what another stream says was sent.
+    /// Adds what another stream says.
     pub fn extend(&mut self, other: Self) {
         self.0.extend(other.0);
     }

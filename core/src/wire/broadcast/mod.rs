@@ -167,14 +167,18 @@ impl Collector {
     fn take_lnav(&mut self, subframe: &Subframe<'_>) -> Result<Collected, SubframeError> {
         let lnav = Lnav::parse(subframe)?;
         if lnav.number > 3 {
+            let mut ephemeris = None;
             if let Some(slot) = self.known(Kind::Lnav, subframe.sv_id) {
                 slot.set_time(lnav.tow_s);
-                slot.is_alert = lnav.is_alert;
+                if slot.is_alert != lnav.is_alert {
+                    // Told at once: half a minute would be longer than a time to alert.
+                    slot.is_alert = lnav.is_alert;
+                    if slot.kept == Kind::Lnav.all_parts() {
+                        ephemeris = lnav::ephemeris(slot, subframe.sv_id);
+                    }
+                }
             }
-            return Ok(Collected {
-                ephemeris: None,
-                klobuchar: lnav.klobuchar(),
-            });
+            return give(ephemeris, lnav.klobuchar());
         }
         let Some(slot) = self.claim(Kind::Lnav, subframe.sv_id) else {
             return Ok(Collected::NOTHING);

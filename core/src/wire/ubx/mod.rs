@@ -23,6 +23,10 @@ pub const HEADER_LEN: usize = 6;
 pub const TRAILER_LEN: usize = 2;
 /// Longest content that is looked at, bytes: RXM-RAWX with the 255 measurements its count can say.
 pub const MAX_PAYLOAD: usize = rawx::HEADER_LEN + 255 * rawx::MEASUREMENT_LEN;
+/// Longest content of another message that is taken for a frame, bytes: NAV-SIG of 150 signals. A damaged length
+/// makes the scanner wait for so many bytes at most, a second or two of a receiver's output; a longer message
+/// is passed over as noise.
+pub const MAX_OTHER_PAYLOAD: usize = 8 + 150 * 16;
 /// Longest frame, bytes.
 pub const MAX_FRAME: usize = HEADER_LEN + MAX_PAYLOAD + TRAILER_LEN;
 
@@ -108,7 +112,12 @@ impl<'a> Frame<'a> {
         };
         let length = usize::from(u16::from_le_bytes([low, high]));
         let message = [class, id];
-        if length > MAX_PAYLOAD {
+        let longest = if message == RXM_RAWX {
+            MAX_PAYLOAD
+        } else {
+            MAX_OTHER_PAYLOAD
+        };
+        if length > longest {
             return Err(FrameError::TooLong { length });
         }
         let is_possible = match message {
@@ -182,10 +191,10 @@ mod tests {
 
     #[test]
     fn impossible_length_is_refused_before_its_bytes_arrive() {
-        let long = [0xB5, 0x62, 0x01, 0x35, 0xF1, 0x1F];
+        let long = [0xB5, 0x62, 0x01, 0x35, 0x69, 0x09];
         assert_eq!(
             Frame::parse(&long),
-            Err(FrameError::TooLong { length: 0x1FF1 })
+            Err(FrameError::TooLong { length: 2409 })
         );
         let mut head = std::vec![0xB5, 0x62, 0x02, 0x15, 0x31, 0x00];
         assert_eq!(

@@ -286,6 +286,7 @@ fn tight() {
     let mut workspace = SnapshotWorkspace::EMPTY;
     if let Some(satellite) = Satellite::new(System::Gps, black_box(1)) {
         call2(SnapshotWorkspace::sigma, &workspace, satellite);
+        call2(SnapshotWorkspace::is_out_of_view, &workspace, satellite);
         call2(SnapshotWorkspace::why_left_out, &workspace, satellite);
         call2(SnapshotWorkspace::direction_rad, &workspace, satellite);
         call2(SnapshotWorkspace::cn0_dbhz, &workspace, satellite);
