@@ -5,6 +5,7 @@
 mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 
 use surefix_core::budget::NoCounter;
 use surefix_core::config::{Config, IonosphereModel, TroposphereModel};
@@ -12,15 +13,16 @@ use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
 use surefix_core::gnss::{Ephemeris, Satellite, System};
 use surefix_core::ingest::{Event, Ingest};
-use surefix_core::integrity::Integrity;
+use surefix_core::integrity::{Integrity, Mode};
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::EpochReport;
 use surefix_host_tests::broadcast_encode::{bch_check, crc24q, parity};
+use surefix_host_tests::replay::{self, ReplayOptions};
 use surefix_host_tests::rinex::read_unzipped;
 use surefix_host_tests::simulate::atmosphere::Ionosphere;
 use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::flight::Flight;
-use surefix_host_tests::simulate::inertial::board::{Radio, receiver_bytes};
+use surefix_host_tests::simulate::inertial::board::{Radio, imu_bytes, receiver_bytes};
 use surefix_host_tests::simulate::inertial::{Request, fly};
 use surefix_host_tests::simulate::sky::Sky;
 use surefix_host_tests::simulate::stream::Format;
@@ -562,4 +564,37 @@ fn the_receiver_of_a_flight_writes_ubx_too() {
     }
     println!("flight: position {:.2} mm", 1e3 * worst_m);
     assert!(worst_m < 0.01, "{worst_m} m");
+}
+
+/// Samples of the unit stand between the receiver's frames, so that tight mode follows the first position.
+#[test]
+fn a_flight_of_ubx_and_inertial_samples_is_flown_in_tight_mode() {
+    let flown = fly(&Request {
+        duration_s: Some(60),
+        galileo: true,
+        ..Request::new(Flight::Lpv200, 2)
+    })
+    .unwrap();
+    let radio = Radio {
+        dual_frequency: false,
+        ionosphere: Ionosphere::None,
+        troposphere: true,
+        format: Format::Ubx,
+    };
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("simulate_ubx");
+    std::fs::create_dir_all(&folder).unwrap();
+    let (gnss, imu) = (folder.join("receiver.ubx"), folder.join("imu.sfx"));
+    std::fs::write(&gnss, receiver_bytes(&flown, &radio).unwrap()).unwrap();
+    std::fs::write(&imu, imu_bytes(&flown).unwrap()).unwrap();
+    let mut options = ReplayOptions::new(gnss);
+    options.imu = Some(imu);
+    options.config.ionosphere = IonosphereModel::None;
+    let reports = replay::run(&options, &mut |_, _| {}).unwrap().reports;
+    let tight = reports
+        .iter()
+        .filter(|report| report.mode == Mode::Tight)
+        .count();
+    println!("{tight} of {} epochs in tight mode", reports.len());
+    assert_eq!(reports.len(), 61);
+    assert!(tight >= 35, "{tight}");
 }

@@ -13,6 +13,7 @@ use surefix_core::ins::ImuSample;
 use surefix_core::time::{GpsTime, NS_PER_WEEK};
 use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::native::{self, Frame};
+use surefix_core::wire::ubx;
 
 /// Samples that wait for their place, with the times at which they arrive.
 ///
@@ -125,6 +126,12 @@ fn frame_length(bytes: &[u8]) -> Option<usize> {
             let (content, crc) = frame.split_at(length + 3);
             let sent = crc.iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte));
             (crc24q(content) == sent).then_some(frame.len())
+        }
+        [0xb5, 0x62, _, _, low, high, ..] => {
+            let length = usize::from(u16::from_le_bytes([*low, *high]));
+            let frame = bytes.get(..length + 8)?;
+            let (content, sums) = frame.get(2..)?.split_at(length + 4);
+            (ubx::checksum(content) == sums).then_some(frame.len())
         }
         [native::PREAMBLE_1, native::PREAMBLE_2, ..] => {
             Frame::parse(bytes).ok().map(|(_, length)| length)
