@@ -14,7 +14,7 @@
 //! | symbol | code | meaning |
 //! |---|---|---|
 //! | S | rows of (GᵀWG)⁻¹GᵀW | shift of the position per pseudorange error |
-//! | slope | [`Hardest`] | shift over how many sigmas of its residual the error is, k σ/√(1 − H_ii) [BROWN-1992], over the alert limit, the larger of horizontal and vertical |
+//! | slope | `Hardest` | shift over how many sigmas of its residual the error is, k σ/√(1 − H_ii) [BROWN-1992], over the alert limit, the larger of horizontal and vertical |
 //!
 //! Time to alert is from the first epoch whose error passes its limit to the first that may not be used.
 
