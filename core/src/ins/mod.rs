@@ -9,6 +9,7 @@ pub mod gravity;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
+pub mod sample_clock;
 
 pub use alignment::{CoarseAlignment, NotAligned};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
@@ -17,3 +18,4 @@ pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
+pub use sample_clock::{NoTime, SampleClock, SampleClockCounters, SampleClockState};
