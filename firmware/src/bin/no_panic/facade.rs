@@ -11,10 +11,7 @@ use surefix_core::gnss::{
     Satellite, SatelliteSet, System,
 };
 use surefix_core::inertial_report::{InertialReport, UnitState};
-use surefix_core::ingest::{
-    self, CorrectedGroup, Ingest, ObservationGroup, decode_magnetic_field, decode_pressure,
-    decode_unit_sample, encode_magnetic_field, encode_pressure, encode_unit_sample,
-};
+use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::alignment::AlignmentMode;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
@@ -271,12 +268,12 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
         field_s_ut: [20.0, 0.0, 40.0],
     };
     call2(Monitor::on_magnetic_field, &mut monitor, &field);
-    call3(encode_unit_sample, 0, &sample, out);
-    call2(encode_pressure, &pressure, out);
-    call2(encode_magnetic_field, &field, out);
-    call1(decode_unit_sample, bytes);
-    call1(decode_pressure, bytes);
-    call1(decode_magnetic_field, bytes);
+    call3(ingest::encode_unit_sample, 0, &sample, out);
+    call2(ingest::encode_pressure, &pressure, out);
+    call2(ingest::encode_magnetic_field, &field, out);
+    call1(ingest::decode_unit_sample, bytes);
+    call1(ingest::decode_pressure, bytes);
+    call1(ingest::decode_magnetic_field, bytes);
 
     let mut satellites = SatelliteReport::EMPTY;
     call3(
