@@ -5,11 +5,12 @@
 //! | [`ring`] | receiver interrupt to worker, lock-free |
 //! | [`arrivals`] | when the bytes of the ring came |
 //! | [`drivers`] | registers of inertial units, barometers and magnetometers to readings |
+//! | [`sensors`] | data-ready lines to samples in the order in which they came |
 //! | `board` | registers, memory, clocks and UARTs of the board chosen by feature |
 //! | `worker` | ring to monitor to output |
 //! | `fault` | panic and fault handlers: the output becomes invalid, then the chip resets |
 //!
-//! The application is `bin/monitor.rs`. On a PC only the first three exist, so that the whole
+//! The application is `bin/monitor.rs`. On a PC only the first four exist, so that the whole
 //! workspace checks there.
 #![cfg_attr(target_os = "none", no_std)]
 
@@ -20,5 +21,6 @@ pub mod drivers;
 #[cfg(target_os = "none")]
 pub mod fault;
 pub mod ring;
+pub mod sensors;
 #[cfg(target_os = "none")]
 pub mod worker;

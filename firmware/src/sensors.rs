@@ -12,8 +12,11 @@
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
-use crate::drivers::{DriverCounters, InertialReading, InertialUnit, Phase, Readings};
-use surefix_core::ins::unit::MAX_UNITS;
+use crate::drivers::{
+    Barometer, DriverCounters, InertialReading, InertialUnit, MagneticReading, Magnetometer, Phase,
+    PressureReading, Readings,
+};
+use surefix_core::ins::MAX_UNITS;
 
 /// Edges between interrupt and sampler: one of each line and each unit's transfer to spare.
 pub const EDGES: usize = 16;
@@ -25,6 +28,10 @@ pub const ARRIVALS: usize = 64;
 pub enum Line {
     /// Data-ready of a unit.
     Unit(u8),
+    /// Data-ready of the barometer.
+    Barometer,
+    /// Data-ready of the magnetometer.
+    Magnetometer,
     /// The receiver's time pulse.
     TimePulse,
     /// None: it is time to look after a driver.
@@ -55,12 +62,16 @@ pub struct Arrival {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Arrived {
     /// A unit gave a reading.
-    Reading {
+    Inertial {
         /// Number of the unit.
         unit: u8,
         /// What it measured.
         reading: InertialReading,
     },
+    /// The barometer gave a reading.
+    Pressure(PressureReading),
+    /// The magnetometer gave a reading.
+    MagneticField(MagneticReading),
     /// A second of the receiver began.
     TimePulse {
         /// When, ns on the clock of the board.
@@ -134,98 +145,137 @@ fn add(counter: &AtomicU32) {
     counter.store(count.saturating_add(1), Ordering::Relaxed);
 }
 
-/// A driver that a task may own.
-pub type Unit = &'static mut (dyn InertialUnit + Send);
+/// The parts on the bus, each with its driver; any of them may be missing.
+#[derive(Default)]
+pub struct Parts<'a> {
+    /// Inertial units, by their number.
+    pub units: [Option<&'a mut (dyn InertialUnit + Send)>; MAX_UNITS],
+    /// A barometer.
+    pub barometer: Option<&'a mut (dyn Barometer + Send)>,
+    /// A magnetometer.
+    pub magnetometer: Option<&'a mut (dyn Magnetometer + Send)>,
+}
 
-/// The units on the bus.
-pub struct Sampler<U = Unit> {
-    units: [Option<U>; MAX_UNITS],
+/// Phase and counters of a driver.
+pub type State = (Phase, DriverCounters);
+
+/// Serves the drivers: what the task between interrupt and worker does.
+pub struct Sampler<'a> {
+    parts: Parts<'a>,
     readings: Readings,
 }
 
-/// What a driver may be, by value or by reference.
-pub trait AsUnit {
-    /// The driver.
-    fn as_unit(&mut self) -> &mut dyn InertialUnit;
-    /// The driver, to look at.
-    fn peek(&self) -> &dyn InertialUnit;
-}
-
-impl AsUnit for Unit {
-    fn as_unit(&mut self) -> &mut dyn InertialUnit {
-        &mut **self
-    }
-
-    fn peek(&self) -> &dyn InertialUnit {
-        &**self
-    }
-}
-
-impl<U: AsUnit> Sampler<U> {
-    /// Of the units that are there.
-    pub const fn new(units: [Option<U>; MAX_UNITS]) -> Self {
+impl<'a> Sampler<'a> {
+    /// Of these parts.
+    pub const fn new(parts: Parts<'a>) -> Self {
         Self {
-            units,
+            parts,
             readings: Readings::new(),
         }
     }
 
     /// Does what an edge asks for, with the board's clock at `now_ns`, and gives what came of it.
     pub fn take(&mut self, edge: &Edge, now_ns: u64, give: &mut impl FnMut(Arrival)) {
-        match edge.line {
-            Line::TimePulse => give(Arrival {
+        let mut give = |what| {
+            give(Arrival {
                 place: edge.place,
-                what: Arrived::TimePulse {
-                    time_ns: edge.time_ns,
-                },
+                what,
+            });
+        };
+        let at_ns = Some(edge.time_ns);
+        match edge.line {
+            Line::TimePulse => give(Arrived::TimePulse {
+                time_ns: edge.time_ns,
             }),
-            Line::Unit(unit) => self.service(unit, edge, Some(edge.time_ns), now_ns, give),
+            Line::Unit(unit) => self.unit(unit, at_ns, now_ns, &mut give),
+            Line::Barometer => self.barometer(at_ns, now_ns, &mut give),
+            Line::Magnetometer => self.magnetometer(at_ns, now_ns, &mut give),
             Line::Due => {
-                for unit in 0..MAX_UNITS {
-                    let is_due = self.units.get(unit).and_then(Option::as_ref);
-                    if is_due.is_some_and(|driver| driver.peek().next_ns() <= now_ns) {
-                        self.service(unit as u8, edge, None, now_ns, give);
-                    }
+                for unit in 0..MAX_UNITS as u8 {
+                    self.unit(unit, None, now_ns, &mut give);
                 }
+                self.barometer(None, now_ns, &mut give);
+                self.magnetometer(None, now_ns, &mut give);
             }
         }
     }
 
-    fn service(
+    /// Without an edge a driver is served only when it is due. What goes wrong is counted by the driver.
+    fn unit(
         &mut self,
         unit: u8,
-        edge: &Edge,
         data_ready_ns: Option<u64>,
         now_ns: u64,
-        give: &mut impl FnMut(Arrival),
+        give: &mut impl FnMut(Arrived),
     ) {
-        let Some(Some(driver)) = self.units.get_mut(usize::from(unit)) else {
+        let Some(Some(driver)) = self.parts.units.get_mut(usize::from(unit)) else {
             return;
         };
-        // Counted by the driver; what was read before the fault is sound.
-        let _ = driver
-            .as_unit()
-            .service(now_ns, data_ready_ns, &mut self.readings);
+        if data_ready_ns.is_none() && driver.next_ns() > now_ns {
+            return;
+        }
+        // What was read before a fault is sound.
+        let _ = driver.service(now_ns, data_ready_ns, &mut self.readings);
         for reading in &self.readings {
-            give(Arrival {
-                place: edge.place,
-                what: Arrived::Reading {
-                    unit,
-                    reading: *reading,
-                },
+            give(Arrived::Inertial {
+                unit,
+                reading: *reading,
             });
         }
     }
 
-    /// When the first driver wants to be looked after, ns on the clock of the board.
-    pub fn next_ns(&self) -> Option<u64> {
-        let units = self.units.iter().flatten();
-        units.map(|driver| driver.peek().next_ns()).min()
+    fn barometer(
+        &mut self,
+        data_ready_ns: Option<u64>,
+        now_ns: u64,
+        give: &mut impl FnMut(Arrived),
+    ) {
+        let Some(driver) = &mut self.parts.barometer else {
+            return;
+        };
+        if data_ready_ns.is_none() && driver.next_ns() > now_ns {
+            return;
+        }
+        if let Ok(Some(reading)) = driver.service(now_ns, data_ready_ns) {
+            give(Arrived::Pressure(reading));
+        }
     }
 
-    /// How each unit is and what became of its readings.
-    pub fn states(&self) -> [Option<(Phase, DriverCounters)>; MAX_UNITS] {
-        let state = |driver: &U| (driver.peek().phase(), driver.peek().counters());
-        self.units.each_ref().map(|unit| unit.as_ref().map(state))
+    fn magnetometer(
+        &mut self,
+        data_ready_ns: Option<u64>,
+        now_ns: u64,
+        give: &mut impl FnMut(Arrived),
+    ) {
+        let Some(driver) = &mut self.parts.magnetometer else {
+            return;
+        };
+        if data_ready_ns.is_none() && driver.next_ns() > now_ns {
+            return;
+        }
+        if let Ok(Some(reading)) = driver.service(now_ns, data_ready_ns) {
+            give(Arrived::MagneticField(reading));
+        }
+    }
+
+    /// When the first driver wants to be served, ns on the clock of the board.
+    pub fn next_ns(&self) -> Option<u64> {
+        let units = self.parts.units.iter().flatten();
+        let barometer = self.parts.barometer.iter();
+        let magnetometer = self.parts.magnetometer.iter();
+        let due = units
+            .map(|driver| driver.next_ns())
+            .chain(barometer.map(|driver| driver.next_ns()))
+            .chain(magnetometer.map(|driver| driver.next_ns()));
+        due.min()
+    }
+
+    /// How each unit is, and what became of its readings.
+    pub fn units(&self) -> [Option<State>; MAX_UNITS] {
+        let units = self.parts.units.each_ref();
+        units.map(|unit| {
+            let driver = unit.as_ref()?;
+            Some((driver.phase(), driver.counters()))
+        })
     }
 }

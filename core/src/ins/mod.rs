@@ -4,13 +4,16 @@
 //! Frames: i inertial, e ECEF, b body (forward, right, down), s the axes of the inertial unit as it is
 //! mounted.
 
+pub mod aiding;
 pub mod alignment;
 pub mod gravity;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
 pub mod sample_clock;
+pub mod unit;
 
+pub use aiding::{MagneticSample, PressureSample};
 pub use alignment::{CoarseAlignment, NotAligned};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
@@ -19,3 +22,4 @@ pub use sample::{
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 pub use sample_clock::{NoTime, SampleClock, SampleClockCounters, SampleClockState};
+pub use unit::{MAX_UNITS, UnitSample};
