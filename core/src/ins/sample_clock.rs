@@ -287,10 +287,8 @@ impl SampleClock {
         let elapsed = to_ns.checked_sub(from_ns)? as f64;
         let seconds = libm::round(elapsed / self.rate);
         let most = (HOLD_OVER_NS / NS_PER_S) as f64;
-        let is_whole =
-            libm::fabs(elapsed - seconds * self.rate) <= JITTER_NS + seconds * tolerance;
-        (is_whole && seconds >= 1.0 && seconds <= most)
-            .then(|| (seconds as i64, elapsed / seconds))
+        let is_whole = libm::fabs(elapsed - seconds * self.rate) <= JITTER_NS + seconds * tolerance;
+        (is_whole && seconds >= 1.0 && seconds <= most).then(|| (seconds as i64, elapsed / seconds))
     }
 
     /// A pulse where none can be: believed when those after it agree with it.
