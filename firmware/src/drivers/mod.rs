@@ -17,6 +17,11 @@
 //!
 //! Another part is one more file that implements one of the three traits.
 
+pub mod adis;
+pub mod bmp390;
+pub mod icm42688;
+pub mod lis3mdl;
+mod registers;
 pub mod supervision;
 
 use embedded_hal::spi::ErrorKind;
@@ -118,8 +123,15 @@ pub enum Fault {
         /// That came.
         received: u16,
     },
-    /// The part's counter says that this reading was given before.
+    /// The part's counter says that this reading was given before, or its status that none is new.
     Repeated,
+    /// The part's counter moved by other than the time that passed allows.
+    Counter {
+        /// By how much.
+        step: u16,
+    },
+    /// What was read twice came differently: one of the two is wrong.
+    Unconfirmed,
     /// What came has not the form of a reading.
     Malformed {
         /// The word that decides.
@@ -194,4 +206,9 @@ pub trait Magnetometer: Supervised {
         now_ns: u64,
         data_ready_ns: Option<u64>,
     ) -> Result<Option<MagneticReading>, Fault>;
+}
+
+/// What the bus itself reports.
+fn bus(error: impl embedded_hal::spi::Error) -> Fault {
+    Fault::Bus(error.kind())
 }

@@ -30,6 +30,29 @@ pub enum Phase {
     Running,
 }
 
+/// What a call has to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Due {
+    /// This step of the start.
+    Step(u8),
+    /// Nothing: the part needs more time for the last step.
+    Nothing,
+    /// To read, when a reading is ready.
+    Reading,
+}
+
+/// What the part thinks of a reading.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Soundness {
+    /// Nothing against it.
+    Sound,
+    /// An axis is at the end of its numbers, or the reading could not be confirmed. Says nothing of the
+    /// next one.
+    Doubtful,
+    /// The part says that something of it failed.
+    Failing,
+}
+
 /// What became of readings and starts. Counts stop at their largest value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct DriverCounters {
@@ -47,6 +70,10 @@ pub struct DriverCounters {
     pub checksum: u32,
     /// Readings that came a second time.
     pub repeated: u32,
+    /// Readings whose counter moved by other than the time allows: not given.
+    pub counter: u32,
+    /// Readings that came differently when read again: not given.
+    pub unconfirmed: u32,
     /// Transfers that have not the form of a reading.
     pub malformed: u32,
     /// Times that the part had no room.
@@ -77,6 +104,8 @@ impl DriverCounters {
         stuck: 0,
         checksum: 0,
         repeated: 0,
+        counter: 0,
+        unconfirmed: 0,
         malformed: 0,
         overrun: 0,
         silent: 0,
@@ -99,6 +128,8 @@ impl DriverCounters {
             Fault::Configuration { .. } => &mut self.configuration,
             Fault::Checksum { .. } => &mut self.checksum,
             Fault::Repeated => &mut self.repeated,
+            Fault::Counter { .. } => &mut self.counter,
+            Fault::Unconfirmed => &mut self.unconfirmed,
             Fault::Malformed { .. } => &mut self.malformed,
             Fault::Overrun => &mut self.overrun,
             Fault::Silent { .. } => &mut self.silent,
@@ -153,11 +184,12 @@ impl Supervision {
         self.interval_ns
     }
 
-    /// The step of the start that is due; `None` while running or waiting.
-    pub fn due_step(&self, now_ns: u64) -> Option<u8> {
+    /// What is to be done now.
+    pub fn due(&self, now_ns: u64) -> Due {
         match self.phase {
-            Phase::Starting { step } if now_ns >= self.next_ns => Some(step),
-            _ => None,
+            Phase::Starting { step } if now_ns >= self.next_ns => Due::Step(step),
+            Phase::Starting { .. } => Due::Nothing,
+            Phase::Running => Due::Reading,
         }
     }
 
@@ -177,13 +209,24 @@ impl Supervision {
         self.heard(now_ns);
     }
 
-    /// A reading is given.
-    pub fn reading(&mut self, now_ns: u64, is_valid: bool, missed: u32) {
+    /// A reading is given. A part that says again and again that it failed is started again.
+    pub fn reading(&mut self, now_ns: u64, soundness: Soundness, missed: u32) {
         count(&mut self.counters.readings, 1);
-        count(&mut self.counters.invalid, u32::from(!is_valid));
         count(&mut self.counters.missed, missed);
-        self.faults_in_a_row = 0;
         self.heard(now_ns);
+        if soundness != Soundness::Sound {
+            count(&mut self.counters.invalid, 1);
+        }
+        if soundness == Soundness::Failing {
+            self.again(now_ns);
+        } else {
+            self.faults_in_a_row = 0;
+        }
+    }
+
+    /// Counts what went wrong without a reading being lost for it now.
+    pub fn note(&mut self, fault: Fault) {
+        count(self.counters.of(fault), 1);
     }
 
     /// Whether no reading came for too long. Each further such span is another fault.
@@ -200,23 +243,29 @@ impl Supervision {
 
     /// Counts a fault and decides what follows from it.
     pub fn fault(&mut self, now_ns: u64, fault: Fault) -> Fault {
-        count(self.counters.of(fault), 1);
+        self.note(fault);
         match self.phase {
             Phase::Starting { .. } => {
                 self.phase = Phase::Starting { step: 0 };
                 self.next_ns = now_ns.saturating_add(RETRY_NS);
             }
             Phase::Running => {
-                self.faults_in_a_row = self.faults_in_a_row.saturating_add(1);
-                if self.faults_in_a_row >= FAULTS_IN_A_ROW {
-                    self.phase = Phase::Starting { step: 0 };
-                    self.next_ns = now_ns;
-                } else if now_ns >= self.next_ns {
+                if now_ns >= self.next_ns {
                     self.next_ns = now_ns.saturating_add(self.silence_ns());
                 }
+                self.again(now_ns);
             }
         }
         fault
+    }
+
+    /// One more fault in a row while running.
+    fn again(&mut self, now_ns: u64) {
+        self.faults_in_a_row = self.faults_in_a_row.saturating_add(1);
+        if self.faults_in_a_row >= FAULTS_IN_A_ROW {
+            self.phase = Phase::Starting { step: 0 };
+            self.next_ns = now_ns;
+        }
     }
 
     fn heard(&mut self, now_ns: u64) {
