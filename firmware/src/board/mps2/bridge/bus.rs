@@ -42,6 +42,7 @@ fn exchange(what: u8, part: u8, request: &mut [u8; HEADER + MAX_TRANSFER], lengt
             return false;
         };
         let answer = match what {
+            PRESENT => PRESENT_ANSWER,
             EDGES => EDGES_ANSWER,
             _ => length,
         };
@@ -57,6 +58,18 @@ fn exchange(what: u8, part: u8, request: &mut [u8; HEADER + MAX_TRANSFER], lengt
 const TRANSFER: u8 = b'T';
 const EDGES: u8 = b'E';
 const EDGES_ANSWER: usize = 12;
+const PRESENT: u8 = b'P';
+const PRESENT_ANSWER: usize = 4;
+
+/// The parts that are there, a bit each.
+pub fn present() -> u32 {
+    let mut request = [0; HEADER + MAX_TRANSFER];
+    if !exchange(PRESENT, 0, &mut request, 0) {
+        return 0;
+    }
+    let parts = request[HEADER..].first_chunk();
+    parts.map_or(0, |parts| u32::from_le_bytes(*parts))
+}
 
 /// Lines that became active, a bit each, and when one may become active next, ns.
 pub fn edges() -> Option<(u32, u64)> {

@@ -7,13 +7,13 @@
 //!
 //! | bytes | request, little endian |
 //! |---|---|
-//! | 1 | `T` transfer, `E` which lines became active |
-//! | 1 | number of the part, 0 for `E` |
-//! | 2 | n, bytes of the transfer; 0 for `E` |
+//! | 1 | `P` which parts are there, `T` transfer, `E` which lines became active |
+//! | 1 | number of the part of a transfer, else 0 |
+//! | 2 | n, bytes of a transfer, else 0 |
 //! | 8 | time, ns on the clock of the board |
 //! | n | what the board shifts out |
 //!
-//! The answer to `T` is n bytes. That to `E` is a u32 with a bit for each line that became active since the
+//! The answer to `P` is a u32 with a bit for each part, that to `T` n bytes. That to `E` is a u32 with a bit for each line that became active since the
 //! last such request, by its number, and a u64: the time at which a line may become active next.
 //!
 //! | line, part | |

@@ -1,8 +1,57 @@
-//! The drivers on this bus.
+//! The drivers on this bus. Three makes of inertial unit, so that each kind of transfer is there: a burst of 32
+//! bits, a FIFO, and a burst of 16 bits at twice the rate.
 
+use super::bus::{self, Bus};
+use crate::drivers::adis::{self, Adis, Burst, Model};
+use crate::drivers::bmp390::Bmp390;
+use crate::drivers::icm42688::{self, AccelRange, GyroRange, Icm42688};
+use crate::drivers::lis3mdl::Lis3mdl;
+use crate::drivers::{Barometer, InertialUnit, Magnetometer};
 use crate::sensors::Parts;
+use static_cell::StaticCell;
 
-/// For `init`, once.
+const UNIT_0: adis::Config = adis::Config {
+    model: Model::Adis16505_2,
+    burst: Burst::Rates32,
+    rate: adis::Rate::Hz200,
+    is_active_high: true,
+};
+const UNIT_1: icm42688::Config = icm42688::Config {
+    gyro: GyroRange::Dps500,
+    accel: AccelRange::G16,
+    rate: icm42688::Rate::Hz200,
+};
+const UNIT_2: adis::Config = adis::Config {
+    model: Model::Adis16465_2,
+    burst: Burst::Rates16,
+    rate: adis::Rate::Hz400,
+    is_active_high: true,
+};
+
+/// Those that are there. For `init`, once.
 pub fn parts() -> Parts<'static> {
-    Parts::default()
+    static FIRST: StaticCell<Adis<Bus>> = StaticCell::new();
+    static SECOND: StaticCell<Icm42688<Bus>> = StaticCell::new();
+    static THIRD: StaticCell<Adis<Bus>> = StaticCell::new();
+    static BAROMETER: StaticCell<Bmp390<Bus>> = StaticCell::new();
+    static MAGNETOMETER: StaticCell<Lis3mdl<Bus>> = StaticCell::new();
+
+    let present = bus::present();
+    let bus = |part: u8| (present & (1 << part) != 0).then(|| Bus::new(part));
+    let adis = |bus: Option<Bus>, config, place: &'static StaticCell<Adis<Bus>>| {
+        let driver = Adis::new(bus?, config).ok()?;
+        Some(place.init(driver) as &mut (dyn InertialUnit + Send))
+    };
+    let second = bus(1).map(|bus| Icm42688::new(bus, UNIT_1));
+    Parts {
+        units: [
+            adis(bus(0), UNIT_0, &FIRST),
+            second.map(|driver| SECOND.init(driver) as &mut (dyn InertialUnit + Send)),
+            adis(bus(2), UNIT_2, &THIRD),
+        ],
+        barometer: bus(3)
+            .map(|bus| BAROMETER.init(Bmp390::new(bus)) as &mut (dyn Barometer + Send)),
+        magnetometer: bus(4)
+            .map(|bus| MAGNETOMETER.init(Lis3mdl::new(bus)) as &mut (dyn Magnetometer + Send)),
+    }
 }
