@@ -57,6 +57,8 @@ struct Observed {
     busy: u64,
     /// Most bytes that waited in the ring.
     most_waiting: u32,
+    /// The stream has ended, and that was not told yet.
+    is_over: bool,
 }
 
 /// Whether the stream has ended and all was told.
@@ -153,6 +155,10 @@ impl Worker {
             self.take(bytes);
             #[cfg(feature = "spi-bridge")]
             self.recording.bytes(bytes, self.monitor.bytes_in_hand());
+            #[cfg(feature = "real-time")]
+            if core::mem::take(&mut self.observed.is_over) {
+                self.tell_all();
+            }
             self.acknowledge.taken(count);
             #[cfg(feature = "slow-worker")]
             cortex_m::asm::delay(2_000_000);
@@ -310,7 +316,9 @@ impl Worker {
             stack::peak_bytes()
         );
         #[cfg(feature = "real-time")]
-        self.tell_all();
+        {
+            self.observed.is_over = true;
+        }
     }
 
     /// What a run in real time was like, and that it is over.
@@ -318,7 +326,9 @@ impl Worker {
     fn tell_all(&mut self) {
         let ledger = self.monitor.ledger();
         self.acknowledge.tell(b'W', &ledger.worst());
-        let Observed { busy, most_waiting } = self.observed;
+        let Observed {
+            busy, most_waiting, ..
+        } = self.observed;
         let numbers = [
             ledger.deadline_misses(),
             stack::peak_bytes() as u32,

@@ -85,13 +85,20 @@ pub fn edges() -> Option<(u32, u64)> {
 /// A part on the bus, with a chip select of its own.
 pub struct Bus {
     part: u8,
+    bit_ns: u32,
 }
 
 impl Bus {
-    /// The part of a number.
-    pub const fn new(part: u8) -> Self {
-        Self { part }
+    /// The part of a number, with a clock of `bit_ns` per bit.
+    pub const fn new(part: u8, bit_ns: u32) -> Self {
+        Self { part, bit_ns }
     }
+}
+
+/// Spends time, as a bus that is waited for does.
+fn wait_ns(ns: u32) {
+    let begin_ns = now_ns();
+    while now_ns() - begin_ns < u64::from(ns) {}
 }
 
 impl ErrorType for Bus {
@@ -101,14 +108,17 @@ impl ErrorType for Bus {
 impl SpiDevice for Bus {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
         let mut bytes = [0; HEADER + MAX_TRANSFER];
-        let mut length = 0;
+        let (mut length, mut pause_ns) = (0, 0);
         for operation in operations.iter() {
             let (shifted, out): (usize, &[u8]) = match operation {
                 Operation::Read(read) => (read.len(), &[]),
                 Operation::Write(write) => (write.len(), write),
                 Operation::Transfer(read, write) => (read.len().max(write.len()), write),
                 Operation::TransferInPlace(both) => (both.len(), both),
-                Operation::DelayNs(_) => continue,
+                Operation::DelayNs(ns) => {
+                    pause_ns += ns;
+                    continue;
+                }
             };
             let place = bytes
                 .get_mut(HEADER + length..HEADER + length + shifted)
@@ -119,6 +129,7 @@ impl SpiDevice for Bus {
         if !exchange(TRANSFER, self.part, &mut bytes, length) {
             return Err(ErrorKind::Other);
         }
+        wait_ns(length as u32 * 8 * self.bit_ns + pause_ns);
         let mut rest = &bytes[HEADER..];
         for operation in operations.iter_mut() {
             let (shifted, into): (usize, &mut [u8]) = match operation {

@@ -2,7 +2,8 @@
 //!
 //! No sensor can be attached to QEMU's SPI controllers. One transaction (chip select low to high) becomes a
 //! request, the answer what the part shifted out; so do the lines. Requests go through one named pipe and
-//! answers through another, both opened by semihosting, while the board's own time stands still. Each carries
+//! answers through another, both opened by semihosting, while the board's own time stands still; what the
+//! transfer would take on a wire the driver waits for afterwards. Each carries
 //! that time, and the models on the host advance to it: under `-icount` a run repeats to the instruction.
 //!
 //! | bytes | request, little endian |

@@ -28,6 +28,11 @@ const UNIT_2: adis::Config = adis::Config {
     is_active_high: true,
 };
 
+/// 1 MHz: the most for a burst of an ADIS part.
+const BURST_BIT_NS: u32 = 1000;
+/// 8 MHz.
+const FAST_BIT_NS: u32 = 125;
+
 /// Those that are there. For `init`, once.
 pub fn parts() -> Parts<'static> {
     static FIRST: StaticCell<Adis<Bus>> = StaticCell::new();
@@ -37,21 +42,21 @@ pub fn parts() -> Parts<'static> {
     static MAGNETOMETER: StaticCell<Lis3mdl<Bus>> = StaticCell::new();
 
     let present = bus::present();
-    let bus = |part: u8| (present & (1 << part) != 0).then(|| Bus::new(part));
+    let bus = |part: u8, bit_ns| (present & (1 << part) != 0).then(|| Bus::new(part, bit_ns));
     let adis = |bus: Option<Bus>, config, place: &'static StaticCell<Adis<Bus>>| {
         let driver = Adis::new(bus?, config).ok()?;
         Some(place.init(driver) as &mut (dyn InertialUnit + Send))
     };
-    let second = bus(1).map(|bus| Icm42688::new(bus, UNIT_1));
+    let second = bus(1, FAST_BIT_NS).map(|bus| Icm42688::new(bus, UNIT_1));
     Parts {
         units: [
-            adis(bus(0), UNIT_0, &FIRST),
+            adis(bus(0, BURST_BIT_NS), UNIT_0, &FIRST),
             second.map(|driver| SECOND.init(driver) as &mut (dyn InertialUnit + Send)),
-            adis(bus(2), UNIT_2, &THIRD),
+            adis(bus(2, BURST_BIT_NS), UNIT_2, &THIRD),
         ],
-        barometer: bus(3)
+        barometer: bus(3, FAST_BIT_NS)
             .map(|bus| BAROMETER.init(Bmp390::new(bus)) as &mut (dyn Barometer + Send)),
-        magnetometer: bus(4)
+        magnetometer: bus(4, FAST_BIT_NS)
             .map(|bus| MAGNETOMETER.init(Lis3mdl::new(bus)) as &mut (dyn Magnetometer + Send)),
     }
 }
