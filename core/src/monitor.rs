@@ -18,8 +18,11 @@ use crate::config::Config;
 use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState};
 use crate::ingest::{Event, Ingest};
-use crate::ins::{InertialConfig, IntakeCounters};
+use crate::ins::{
+    InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample, PressureSample, UnitSample,
+};
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
     Reason, Verdict, opinion,
@@ -198,6 +201,15 @@ impl Monitor {
                 self.tight.on_sample(&sample);
                 self.expect_epoch(sample.time)
             }
+            Event::UnitSample { unit, sample } => self.on_unit_sample(unit, &sample),
+            Event::Pressure(sample) => {
+                self.on_pressure(&sample);
+                None
+            }
+            Event::MagneticField(sample) => {
+                self.on_magnetic_field(&sample);
+                None
+            }
             Event::Ephemeris(ephemeris) => {
                 // What is no orbit leaves its satellite without an ephemeris, a counted reason.
                 let _ = self.store.insert(&ephemeris);
@@ -229,6 +241,22 @@ impl Monitor {
             Event::EndOfStream => Some(Ready::EndOfStream),
         }
     }
+
+    /// Takes a sample of the inertial unit of this number. The first unit's are used; without a vote the
+    /// others are not.
+    pub fn on_unit_sample(&mut self, unit: u8, sample: &UnitSample) -> Option<Ready> {
+        if unit != 0 || !sample.is_valid {
+            return None;
+        }
+        self.tight.on_sample(&sample.sample);
+        self.expect_epoch(sample.sample.time)
+    }
+
+    /// Takes a sample of a barometer.
+    pub fn on_pressure(&mut self, _sample: &PressureSample) {}
+
+    /// Takes a sample of a magnetometer.
+    pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
 
     fn note_refusal(&mut self, is_accepted: bool) {
         if !is_accepted {
@@ -541,6 +569,35 @@ impl Monitor {
         }
         satellites.fill(epoch, self.snapshot.workspace(), report);
         true
+    }
+
+    /// The inertial side at the last epoch, of which `report` tells; `None` without an inertial unit, and
+    /// in a scenario folder.
+    pub fn inertial_report(&self, report: &EpochReport) -> Option<InertialReport> {
+        let status = self.tight.status();
+        if status == InertialStatus::Off || self.pending == Pending::Corrected {
+            return None;
+        }
+        let newest = self.tight.intake().last_time();
+        let mut units = [UnitPart::ABSENT; MAX_UNITS];
+        if let Some(first) = units.first_mut() {
+            first.state = match status {
+                InertialStatus::NoSample | InertialStatus::ImuSilent => UnitState::Silent,
+                _ => UnitState::Used,
+            };
+        }
+        Some(InertialReport {
+            time: report.time,
+            alignment: AlignmentPart {
+                mode: self.tight.alignment_mode(),
+                sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
+            },
+            units,
+            timing: TimingPart {
+                lead_of_samples_ns: newest
+                    .map(|newest| newest.ns().saturating_sub(report.time.ns())),
+            },
+        })
     }
 
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.

@@ -19,7 +19,7 @@ use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
 use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
 use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
-use crate::ins::alignment::CoarseAlignment;
+use crate::ins::alignment::{AlignmentMode, CoarseAlignment};
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
@@ -199,6 +199,8 @@ pub struct TightMonitor {
     untold: Option<InertialStatus>,
     /// The antenna when the next epoch is due.
     remembered: Option<AntennaState<CLOCKS>>,
+    /// Where the attitude that the filter started from came from.
+    alignment_mode: AlignmentMode,
 }
 
 impl TightMonitor {
@@ -229,6 +231,7 @@ impl TightMonitor {
         missing: None,
         untold: None,
         remembered: None,
+        alignment_mode: AlignmentMode::None,
     };
 
     /// An inertial unit is there, in a phase of flight with these requirements.
@@ -320,6 +323,15 @@ impl TightMonitor {
         self.untold.take().unwrap_or(self.status)
     }
 
+    /// Where the attitude that the filter started from came from.
+    pub const fn alignment_mode(&self) -> AlignmentMode {
+        if self.is_running() {
+            self.alignment_mode
+        } else {
+            AlignmentMode::None
+        }
+    }
+
     /// The intake, with its counters.
     pub const fn intake(&self) -> &Intake {
         &self.intake
@@ -334,6 +346,7 @@ impl TightMonitor {
     pub(crate) fn start(&mut self, state: &InitialState) {
         if let Some(config) = self.config {
             self.untold = None;
+            self.alignment_mode = AlignmentMode::Given;
             self.start_with(&config, state);
         }
     }

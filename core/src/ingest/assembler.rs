@@ -1,5 +1,6 @@
 //! Messages to epochs.
 
+use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
 use super::inertial::{
@@ -520,6 +521,22 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::Imu(sample))
             }
+            Some(Kind::UnitSample) => {
+                let (unit, mut sample) = decode_unit_sample(frame.payload())?;
+                count(&mut counters.imu_samples);
+                sample.sample.time = self.weeks.resolve_sample(sample.sample.time);
+                Outcome::UsedGives(Event::UnitSample { unit, sample })
+            }
+            Some(Kind::Pressure) => {
+                let mut sample = decode_pressure(frame.payload())?;
+                sample.time = self.weeks.resolve_sample(sample.time);
+                Outcome::UsedGives(Event::Pressure(sample))
+            }
+            Some(Kind::MagneticField) => {
+                let mut sample = decode_magnetic_field(frame.payload())?;
+                sample.time = self.weeks.resolve_sample(sample.time);
+                Outcome::UsedGives(Event::MagneticField(sample))
+            }
             Some(Kind::InitialState) => {
                 Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))
             }
@@ -531,7 +548,12 @@ impl Assembler {
                 decode_reference_model(frame.payload())?,
             )),
             Some(
-                Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank | Kind::Satellites,
+                Kind::Report
+                | Kind::Counters
+                | Kind::OutputInvalid
+                | Kind::Bank
+                | Kind::Satellites
+                | Kind::InertialReport,
             )
             | None => {
                 count(&mut counters.native_unknown_kind);

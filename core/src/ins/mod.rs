@@ -4,12 +4,15 @@
 //! Frames: i inertial, e ECEF, b body (forward, right, down), s the axes of the inertial unit as it is
 //! mounted.
 
+pub mod aiding;
 pub mod alignment;
 pub mod gravity;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
+pub mod unit;
 
+pub use aiding::{MagneticSample, PressureSample};
 pub use alignment::{CoarseAlignment, NotAligned};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
@@ -17,3 +20,4 @@ pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
+pub use unit::{MAX_UNITS, UnitSample};

@@ -1,0 +1,258 @@
+//! What is known of the inertial side at an epoch, and its frame on the wire, which goes out after the
+//! epoch's report where an inertial unit is configured. What of it touches the verdict stands in the
+//! report itself. Layout: docs/native-frame.md.
+//!
+//! One struct per theme, so that each is filled in one place.
+
+use crate::ins::MAX_UNITS;
+use crate::ins::alignment::AlignmentMode;
+use crate::report::ReportError;
+use crate::time::GpsTime;
+use crate::wire::native::{self, Full, Kind, Reader, Writer};
+
+/// How the attitude was found and how well it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentPart {
+    /// Where the attitude that the filter started from came from; [`AlignmentMode::None`] before it starts.
+    pub mode: AlignmentMode,
+    /// One sigma about local north, east, down, as the filter has it, rad; `None` while it does not run.
+    pub sigma_ned_rad: Option<[f64; 3]>,
+}
+
+impl AlignmentPart {
+    const LENGTH: usize = 1 + 1 + 3 * 4;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        writer.put_u8(self.mode as u8)?;
+        writer.put_u8(self.sigma_ned_rad.is_some().into())?;
+        for sigma_rad in self.sigma_ned_rad.unwrap_or([0.0; 3]) {
+            writer.put_f32(sigma_rad as f32)?;
+        }
+        Ok(())
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let code = reader.u8()?;
+        let mode = AlignmentMode::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
+        let is_there = flag(reader)?;
+        let mut sigma_ned_rad = [0.0; 3];
+        for sigma_rad in &mut sigma_ned_rad {
+            *sigma_rad = reader.f32()?.into();
+        }
+        Ok(Self {
+            mode,
+            sigma_ned_rad: is_there.then_some(sigma_ned_rad),
+        })
+    }
+}
+
+/// What became of the samples of one unit since the last epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum UnitState {
+    /// There is none.
+    Absent = 0,
+    /// Its samples are used.
+    Used = 1,
+    /// None of its samples could be used.
+    Silent = 2,
+}
+
+impl UnitState {
+    /// All, in the order of their numbers.
+    pub const ALL: [Self; 3] = [Self::Absent, Self::Used, Self::Silent];
+
+    /// The state of a number in a frame.
+    pub fn from_u8(number: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(number)).copied()
+    }
+
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Absent => "absent",
+            Self::Used => "used",
+            Self::Silent => "silent",
+        }
+    }
+}
+
+/// One unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct UnitPart {
+    /// What became of its samples.
+    pub state: UnitState,
+}
+
+impl UnitPart {
+    /// No unit.
+    pub const ABSENT: Self = Self {
+        state: UnitState::Absent,
+    };
+
+    const LENGTH: usize = 1;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        writer.put_u8(self.state as u8)
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let code = reader.u8()?;
+        let state = UnitState::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
+        Ok(Self { state })
+    }
+}
+
+/// How late the receiver was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimingPart {
+    /// Time of the newest sample minus that of the epoch when it was processed, ns.
+    pub lead_of_samples_ns: Option<i64>,
+}
+
+impl TimingPart {
+    const LENGTH: usize = 1 + 8;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        writer.put_u8(self.lead_of_samples_ns.is_some().into())?;
+        writer.put_i64(self.lead_of_samples_ns.unwrap_or(0))
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let is_there = flag(reader)?;
+        let lead_ns = reader.i64()?;
+        Ok(Self {
+            lead_of_samples_ns: is_there.then_some(lead_ns),
+        })
+    }
+}
+
+/// The inertial side at an epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InertialReport {
+    /// Time of the epoch.
+    pub time: GpsTime,
+    /// The attitude.
+    pub alignment: AlignmentPart,
+    /// The units, in the order of their numbers.
+    pub units: [UnitPart; MAX_UNITS],
+    /// How late the receiver was.
+    pub timing: TimingPart,
+}
+
+/// Length of its frame, bytes.
+pub const INERTIAL_REPORT_FRAME_LENGTH: usize = native::HEADER_LEN
+    + 8
+    + AlignmentPart::LENGTH
+    + MAX_UNITS * UnitPart::LENGTH
+    + TimingPart::LENGTH
+    + native::TRAILER_LEN;
+
+impl InertialReport {
+    /// Writes it as one frame of [`Kind::InertialReport`]; returns its length.
+    ///
+    /// # Errors
+    /// [`Full`] when `out` is shorter than [`INERTIAL_REPORT_FRAME_LENGTH`].
+    #[inline(never)]
+    pub fn encode(&self, out: &mut [u8]) -> Result<usize, Full> {
+        native::encode(Kind::InertialReport, out, |writer| {
+            writer.put_i64(self.time.ns())?;
+            self.alignment.write(writer)?;
+            for unit in &self.units {
+                unit.write(writer)?;
+            }
+            self.timing.write(writer)
+        })
+    }
+
+    /// Reads the payload of a [`Kind::InertialReport`] frame.
+    ///
+    /// # Errors
+    /// [`ReportError`] when it is too short or too long, or a code in it is none.
+    pub fn decode(payload: &[u8]) -> Result<Self, ReportError> {
+        let mut reader = Reader::new(payload);
+        let time = GpsTime::from_ns(reader.i64()?);
+        let alignment = AlignmentPart::read(&mut reader)?;
+        let mut units = [UnitPart::ABSENT; MAX_UNITS];
+        for unit in &mut units {
+            *unit = UnitPart::read(&mut reader)?;
+        }
+        let timing = TimingPart::read(&mut reader)?;
+        if reader.left() > 0 {
+            return Err(ReportError::UnknownCode { code: 0 });
+        }
+        Ok(Self {
+            time,
+            alignment,
+            units,
+            timing,
+        })
+    }
+}
+
+fn flag(reader: &mut Reader<'_>) -> Result<bool, ReportError> {
+    match reader.u8()? {
+        0 => Ok(false),
+        1 => Ok(true),
+        code => Err(ReportError::UnknownCode { code }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::native::Frame;
+
+    fn report() -> InertialReport {
+        InertialReport {
+            time: GpsTime::from_week_tow_s(2400, 17),
+            alignment: AlignmentPart {
+                mode: AlignmentMode::Course,
+                sigma_ned_rad: Some([0.25, 0.5, 1.0]),
+            },
+            units: [
+                UnitPart {
+                    state: UnitState::Used,
+                },
+                UnitPart {
+                    state: UnitState::Silent,
+                },
+                UnitPart::ABSENT,
+            ],
+            timing: TimingPart {
+                lead_of_samples_ns: Some(-3_000_000),
+            },
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let mut out = [0; INERTIAL_REPORT_FRAME_LENGTH];
+        let length = report().encode(&mut out).unwrap();
+        assert_eq!(length, INERTIAL_REPORT_FRAME_LENGTH);
+        let (frame, _) = Frame::parse(&out).unwrap();
+        assert_eq!(InertialReport::decode(frame.payload()), Ok(report()));
+        let short = report().encode(&mut [0; INERTIAL_REPORT_FRAME_LENGTH - 1]);
+        assert_eq!(short, Err(Full));
+    }
+
+    #[test]
+    fn codes_that_are_none_and_other_lengths_are_refused() {
+        let mut out = [0; INERTIAL_REPORT_FRAME_LENGTH];
+        report().encode(&mut out).unwrap();
+        let (frame, _) = Frame::parse(&out).unwrap();
+        let payload = frame.payload();
+        for cut in 0..payload.len() {
+            assert!(InertialReport::decode(&payload[..cut]).is_err());
+        }
+        for place in [8, 9] {
+            let mut wrong = payload.to_vec();
+            wrong[place] = 200;
+            let unknown = ReportError::UnknownCode { code: 200 };
+            assert_eq!(InertialReport::decode(&wrong), Err(unknown));
+        }
+        let mut long = payload.to_vec();
+        long.push(0);
+        assert!(InertialReport::decode(&long).is_err());
+    }
+}
