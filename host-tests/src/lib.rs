@@ -11,6 +11,7 @@ pub mod imu;
 pub mod mutate;
 pub mod nmea;
 pub mod output;
+pub mod parts;
 pub mod qemu;
 pub mod real_time;
 pub mod reference;

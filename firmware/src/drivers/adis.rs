@@ -72,6 +72,9 @@ const BURST_16_LEN: usize = 22;
 /// Command and sixteen words.
 const BURST_32_LEN: usize = 34;
 
+/// The low word of a pair that does not send it: a 16-bit number is the upper half of one of 32 bits, so
+/// that what it stands for lies up to one LSB above it, half an LSB on average.
+const HALF: u16 = 0x8000;
 /// Bits below those of a 16-bit number.
 const LOW_WORD: f64 = 65_536.0;
 const DEGREE_RAD: f64 = PI / 180.0;
@@ -407,7 +410,7 @@ impl<S: SpiDevice> Adis<S> {
         let mut axes = [0_i32; 6];
         for axis in &mut axes {
             let (low, high) = match self.config.burst {
-                Burst::Rates16 => (0, word()),
+                Burst::Rates16 => (HALF, word()),
                 Burst::Rates32 | Burst::Increments32 => (word(), word()),
             };
             *axis = (i32::from(high.cast_signed()) << 16) | i32::from(low);

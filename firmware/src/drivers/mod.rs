@@ -25,6 +25,9 @@ mod registers;
 pub mod supervision;
 
 use embedded_hal::spi::ErrorKind;
+use surefix_core::ins::{ImuSample, MagneticSample, PressureSample, UnitSample};
+use surefix_core::time::GpsTime;
+
 pub use supervision::{DriverCounters, Phase};
 
 /// Most readings that one call of [`InertialUnit::service`] gives.
@@ -54,16 +57,20 @@ pub struct InertialReading {
 }
 
 impl InertialReading {
-    /// Integral of the angular rate over the interval, rad.
-    pub fn dtheta_is_s_rad(&self) -> [f64; 3] {
+    /// As the monitor takes it: increments over the interval that ended at `time`, which is
+    /// [`InertialReading::time_ns`] on GNSS time.
+    pub fn unit_sample(&self, time: GpsTime) -> UnitSample {
         let interval_s = f64::from(self.interval_ns) * 1e-9;
-        self.omega_is_s_radps.map(|rate| rate * interval_s)
-    }
-
-    /// Integral of the specific force over the interval, m/s.
-    pub fn dv_is_s_mps(&self) -> [f64; 3] {
-        let interval_s = f64::from(self.interval_ns) * 1e-9;
-        self.f_is_s_mps2.map(|force| force * interval_s)
+        UnitSample {
+            sample: ImuSample {
+                time,
+                interval_ns: self.interval_ns,
+                dtheta_is_s_rad: self.omega_is_s_radps.map(|rate| rate * interval_s),
+                dv_is_s_mps: self.f_is_s_mps2.map(|force| force * interval_s),
+            },
+            is_valid: self.is_valid,
+            temperature_c: self.temperature_c,
+        }
     }
 }
 
@@ -78,6 +85,17 @@ pub struct PressureReading {
     pub temperature_c: f64,
 }
 
+impl PressureReading {
+    /// As the monitor takes it, with [`PressureReading::time_ns`] on GNSS time.
+    pub fn sample(&self, time: GpsTime) -> PressureSample {
+        PressureSample {
+            time,
+            pressure_pa: self.pressure_pa,
+            temperature_c: self.temperature_c,
+        }
+    }
+}
+
 /// What a magnetometer measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MagneticReading {
@@ -85,6 +103,16 @@ pub struct MagneticReading {
     pub time_ns: u64,
     /// Magnetic field, axes of the magnetometer, µT.
     pub field_s_ut: [f64; 3],
+}
+
+impl MagneticReading {
+    /// As the monitor takes it, with [`MagneticReading::time_ns`] on GNSS time.
+    pub fn sample(&self, time: GpsTime) -> MagneticSample {
+        MagneticSample {
+            time,
+            field_s_ut: self.field_s_ut,
+        }
+    }
 }
 
 /// What went wrong in one call. Each is counted, and none gives a reading.
