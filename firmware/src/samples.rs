@@ -7,8 +7,7 @@ use crate::sensors::{Arrival, Arrived, Lost, State};
 use cortex_m::interrupt::Mutex;
 use heapless::spsc::Consumer;
 use surefix_core::ins::{
-    ImuSample, MAX_UNITS, MagneticSample, PressureSample, SampleClock, SampleClockCounters,
-    UnitSample,
+    MAX_UNITS, MagneticSample, PressureSample, SampleClock, SampleClockCounters, UnitSample,
 };
 use surefix_core::time::GpsTime;
 
@@ -61,17 +60,7 @@ impl Samples {
                 None
             }
             Arrived::Inertial { unit, reading } => {
-                let sample = ImuSample {
-                    time: self.clock.time(reading.time_ns).ok()?,
-                    interval_ns: reading.interval_ns,
-                    dtheta_is_s_rad: reading.dtheta_is_s_rad(),
-                    dv_is_s_mps: reading.dv_is_s_mps(),
-                };
-                let sample = UnitSample {
-                    sample,
-                    is_valid: reading.is_valid,
-                    temperature_c: reading.temperature_c,
-                };
+                let sample = reading.unit_sample(self.clock.time(reading.time_ns).ok()?);
                 Some(Timed::Unit(unit, sample, reading.time_ns))
             }
             Arrived::Pressure(reading) => Some(Timed::Pressure(PressureSample {

@@ -421,7 +421,65 @@ impl Outcome {
             && self.withdrawn() == 0
             && self.is_same
             && worst(&self.ages_s) + line_s < self.deadline_s();
-        self.late_and_usable() == 0 && (self.args.slow || is_in_time)
+        let is_true = self.on_bus.as_ref().is_none_or(OnBus::holds);
+        self.late_and_usable() == 0 && is_true && (self.args.slow || is_in_time)
+    }
+}
+
+impl OnBus {
+    /// Whether nothing was invented and nothing lost on the way.
+    pub fn holds(&self) -> bool {
+        let told = &self.sensors;
+        self.compared.samples > 0
+            && self.compared.invented == 0
+            && (told.edges_lost, told.samples_lost) == (0, 0)
+    }
+}
+
+impl fmt::Display for OnBus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (told, compared) = (&self.sensors, &self.compared);
+        for (unit, made) in self.units.iter().zip(&self.made) {
+            writeln!(
+                f,
+                "unit {}                         {} samples made, {} read, {} invalid, {} missed; silent {} times, started {} times, {}",
+                unit.number,
+                made,
+                unit.readings,
+                unit.invalid,
+                unit.missed,
+                unit.silent,
+                unit.starts,
+                if unit.is_running {
+                    "runs"
+                } else {
+                    "does not run"
+                }
+            )?;
+        }
+        writeln!(
+            f,
+            "samples to the monitor         {}, {} invalid, {} that no unit held; {:.3} bits and {:.1} us off at most",
+            compared.samples,
+            compared.invalid,
+            compared.invented,
+            compared.worst_bits,
+            compared.worst_time_ns as f64 / 1000.0,
+        )?;
+        writeln!(
+            f,
+            "time of samples                {} pulses, {} missing, {} refused; {} samples held over, {} without a time",
+            told.pulses,
+            told.pulses_missing,
+            told.pulses_refused,
+            told.held_over,
+            told.without_time,
+        )?;
+        writeln!(
+            f,
+            "bus                            {} transfers; {} samples waiting at most, {} edges and {} samples lost",
+            self.transfers, told.most_waiting, told.edges_lost, told.samples_lost,
+        )
     }
 }
 
@@ -436,11 +494,14 @@ impl fmt::Display for Outcome {
         let rate = if args.slow { rate / SLOW_DOWN } else { rate };
         writeln!(
             f,
-            "{}, {} min, {} epochs and {} inertial samples a second over one line of {BAUD} Bd; {rate} M instructions a second",
+            "{}, {} min, {} epochs a second and {} over one line of {BAUD} Bd; {rate} M instructions a second",
             args.flight.name(),
             args.minutes,
             args.rate_hz,
-            args.imu_rate_hz,
+            match args.units {
+                0 => format!("{} inertial samples", args.imu_rate_hz),
+                units => format!("{units} units on the bus; the receiver"),
+            },
         )?;
         if args.slow {
             writeln!(
@@ -530,6 +591,9 @@ impl fmt::Display for Outcome {
             "stack                          {} bytes",
             self.stack_bytes
         )?;
+        if let Some(on_bus) = &self.on_bus {
+            write!(f, "{on_bus}")?;
+        }
         writeln!(
             f,
             "bytes of this machine          {}",

@@ -26,29 +26,48 @@ pub struct Epoch {
 /// What became of the lines and the time of samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ToldSensors {
+    /// Edges that found the queue to the sampler full.
     pub edges_lost: u32,
+    /// Samples and pulses that found the queue to the worker full.
     pub samples_lost: u32,
+    /// Most samples that waited for the worker.
     pub most_waiting: u32,
+    /// Whether all that the monitor was given was recorded.
     pub is_recorded: bool,
+    /// Pulses believed.
     pub pulses: u32,
+    /// Pulses that never came between two that did.
     pub pulses_missing: u32,
+    /// Pulses where none can be.
     pub pulses_refused: u32,
+    /// Times that pulses went on elsewhere.
     pub pulses_restarted: u32,
+    /// Epochs that name another second.
     pub contradicted: u32,
+    /// Times that the second was named.
     pub numbered: u32,
+    /// Samples timed while pulses were missing.
     pub held_over: u32,
+    /// Samples without a time: not used.
     pub without_time: u32,
 }
 
 /// What became of a unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ToldUnit {
+    /// Its number.
     pub number: u32,
+    /// Whether it gives readings at the end.
     pub is_running: bool,
+    /// Readings given.
     pub readings: u32,
+    /// Of these, those that the part does not hold for sound.
     pub invalid: u32,
+    /// Readings that nobody read.
     pub missed: u32,
+    /// Times without a reading for too long.
     pub silent: u32,
+    /// Starts that succeeded.
     pub starts: u32,
 }
 

@@ -1,11 +1,11 @@
 //! `frames::rotation`, `ins` but for its vocabulary.
 
-use crate::call::{call1, call2, call4};
+use crate::call::{call1, call2, call3, call4};
 use core::hint::black_box;
 use surefix_core::frames::rotation;
 use surefix_core::ins::{
     CoarseAlignment, ImuSample, Increment, InertialConfig, InitialState, Intake, Mechanisation,
-    gravity,
+    SampleClock, gravity,
 };
 use surefix_core::time::GpsTime;
 
@@ -32,6 +32,8 @@ pub fn all(config: &InertialConfig, state: &InitialState, sample: &ImuSample) {
         black_box(vector),
     );
 
+    sample_clock();
+
     let mut intake = Intake::EMPTY;
     call2(Intake::configure, &mut intake, config);
     call2(Intake::take, &mut intake, sample);
@@ -52,6 +54,17 @@ pub fn all(config: &InertialConfig, state: &InitialState, sample: &ImuSample) {
     );
     call1(CoarseAlignment::restart, &mut alignment);
     call1(CoarseAlignment::mode, &alignment);
+}
+
+fn sample_clock() {
+    let mut clock = SampleClock::EMPTY;
+    call2(SampleClock::pulse, &mut clock, 0);
+    call2(SampleClock::pulse, &mut clock, 1_000_000_000);
+    call3(SampleClock::epoch, &mut clock, GpsTime::from_ns(0), 0);
+    call2(SampleClock::time, &mut clock, 0);
+    call2(SampleClock::state, &clock, 0);
+    call1(SampleClock::counters, &clock);
+    call1(SampleClock::rate_error_ppm, &clock);
 }
 
 fn rotations() {
