@@ -12,7 +12,7 @@ use surefix_core::ins::{
 use surefix_core::time::GpsTime;
 
 /// Edges and arrivals that found no room.
-pub static LOST: Lost = Lost::NONE;
+pub static LOST: Lost = Lost::none();
 
 /// How the units are, as of the last time that a driver was served.
 pub static UNITS: Mutex<Cell<[Option<State>; MAX_UNITS]>> =

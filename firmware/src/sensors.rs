@@ -34,8 +34,6 @@ pub enum Line {
     Magnetometer,
     /// The receiver's time pulse.
     TimePulse,
-    /// None: it is time to look after a driver.
-    Due,
 }
 
 /// A line that became active.
@@ -118,10 +116,12 @@ pub struct Lost {
 
 impl Lost {
     /// None.
-    pub const NONE: Self = Self {
-        edges: AtomicU32::new(0),
-        arrivals: AtomicU32::new(0),
-    };
+    pub const fn none() -> Self {
+        Self {
+            edges: AtomicU32::new(0),
+            arrivals: AtomicU32::new(0),
+        }
+    }
 
     /// An edge. For the one interrupt that writes edges.
     pub fn add_edge(&self) {
@@ -190,14 +190,18 @@ impl<'a> Sampler<'a> {
             Line::Unit(unit) => self.unit(unit, at_ns, now_ns, &mut give),
             Line::Barometer => self.barometer(at_ns, now_ns, &mut give),
             Line::Magnetometer => self.magnetometer(at_ns, now_ns, &mut give),
-            Line::Due => {
-                for unit in 0..MAX_UNITS as u8 {
-                    self.unit(unit, None, now_ns, &mut give);
-                }
-                self.barometer(None, now_ns, &mut give);
-                self.magnetometer(None, now_ns, &mut give);
-            }
         }
+    }
+
+    /// Serves the drivers that want it without an edge, with the board's clock at `now_ns` and after `place`
+    /// bytes of the receiver.
+    pub fn look_after(&mut self, place: u32, now_ns: u64, give: &mut impl FnMut(Arrival)) {
+        let mut give = |what| give(Arrival { place, what });
+        for unit in 0..MAX_UNITS as u8 {
+            self.unit(unit, None, now_ns, &mut give);
+        }
+        self.barometer(None, now_ns, &mut give);
+        self.magnetometer(None, now_ns, &mut give);
     }
 
     /// Without an edge a driver is served only when it is due. What goes wrong is counted by the driver.

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `stamp` | 4, interrupts of the sensors' lines | with sensors: when, and after how many bytes; wakes `sample` |
 //! | `receive` | 3, interrupt of the receiver's UART | byte into the ring, wakes `work` |
-//! | `sample` | 2, pended by `stamp` | with sensors: serves their drivers, wakes `work` |
+//! | `sample` | 2, pended by `stamp` and by an alarm | with sensors: serves their drivers, wakes `work` |
 //! | `work` | 1, pended by the others | ring and samples to monitor; assesses epochs, sends their reports and sentences |
 //! | `idle` | 0 | sends the log, sleeps |
 //!
@@ -128,13 +128,15 @@ mod app {
     #[task(binds = SAMPLER, priority = 2, local = [to_serve, sampler, alarm, arrived])]
     fn sample(context: sample::Context) {
         let sampler = context.local.sampler;
+        let mut give = |arrival| {
+            if context.local.arrived.enqueue(arrival).is_err() {
+                LOST.add_arrival();
+            }
+        };
         while let Some(edge) = context.local.to_serve.dequeue() {
-            sampler.take(&edge, board::now_ns(), &mut |arrival| {
-                if context.local.arrived.enqueue(arrival).is_err() {
-                    LOST.add_arrival();
-                }
-            });
+            sampler.take(&edge, board::now_ns(), &mut give);
         }
+        sampler.look_after(RECEIVED.written(), board::now_ns(), &mut give);
         if let Some(next_ns) = sampler.next_ns() {
             context.local.alarm.set(next_ns);
         }

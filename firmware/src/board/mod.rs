@@ -11,6 +11,7 @@
 //! | `ticks()`, `ticks_per_second()` | a clock for the age of answers, wraps; no rate where time is not kept |
 //! | `BAUD` | speed of the lines, on which bytes come and answers leave |
 //! | `RECEIVE_DELAY` | longest time from a byte to its interrupt, bytes |
+//! | `Bus`, `present()` | with sensors: `SpiDevice` of the part of a number; which are there |
 //! | `Edges` | with sensors: lines that became active, interrupt-driven |
 //! | `Alarm` | with sensors: interrupts when a driver wants to be served |
 //! | `now_ns()` | with sensors: a clock that does not wrap, for their samples |
@@ -28,6 +29,8 @@ pub use h743::*;
 
 pub mod log;
 pub mod memory;
+#[cfg(feature = "sensors")]
+mod parts;
 mod protection;
 pub mod stack;
 

@@ -38,6 +38,8 @@ pub struct Flown<P> {
     faults: Vec<TimedFault>,
     /// Which of these are there now.
     active: Vec<bool>,
+    /// Since when the data-ready line has been active without an edge, ns.
+    stuck_ns: Option<u64>,
     record: Record,
 }
 
@@ -58,6 +60,7 @@ impl<P: Part> Flown<P> {
             interval_ns,
             active: vec![false; faults.len()],
             faults,
+            stuck_ns: None,
             record: Arc::clone(&record),
         };
         (flown, record)
@@ -90,6 +93,8 @@ impl<P: Part + Send> Device for Flown<P> {
             for fault in self.faults.iter().filter(|fault| is_active(fault)) {
                 faults.set(fault.fault);
             }
+            let is_stuck = faults.has(Fault::StuckDataReady { active: true });
+            self.stuck_ns = is_stuck.then_some(now_ns);
             self.active = active;
         }
         let is_sample = self.part.next_ns() <= now_ns;
@@ -104,7 +109,7 @@ impl<P: Part + Send> Device for Flown<P> {
     }
 
     fn ready_ns(&self) -> Option<u64> {
-        self.part.data_ready_ns()
+        self.stuck_ns.or_else(|| self.part.data_ready_ns())
     }
 
     fn next_ns(&self) -> u64 {

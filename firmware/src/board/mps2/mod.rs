@@ -20,7 +20,7 @@ mod markers;
 mod uart;
 
 #[cfg(feature = "sensors")]
-pub use bridge::{Alarm, Edges, File, recording};
+pub use bridge::{Alarm, Bus, Edges, File, present, recording};
 #[cfg(feature = "sensors")]
 pub use clock::now_ns;
 pub use clock::{Cycles, instructions, ticks};
@@ -47,7 +47,7 @@ pub enum Interrupt {
     /// A byte of the receiver: timer 0.
     #[cfg(feature = "real-time")]
     RECEIVER = 8,
-    /// A line of a sensor, or a driver that wants to be served: the dual timer.
+    /// A line of a sensor, and the alarm of the drivers: the dual timer.
     #[cfg(feature = "sensors")]
     SENSORS = 10,
     /// Pended by software to serve the drivers: the line of the SPI controllers, which are not used.
@@ -90,7 +90,7 @@ pub fn start() -> Ports {
         #[cfg(feature = "sensors")]
         alarm,
         #[cfg(feature = "sensors")]
-        parts: bridge::parts(),
+        parts: super::parts::parts(),
     }
 }
 

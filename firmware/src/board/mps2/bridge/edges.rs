@@ -67,9 +67,8 @@ impl Edges {
     /// In the interrupt: acknowledges it and takes a line, until there is none.
     pub fn take(&mut self) -> Option<Line> {
         clock::count_halves();
-        if is_pending(ALARM) {
-            return Some(Line::Due);
-        }
+        // The sampler runs after every interrupt of these timers, and looks who wants to be served.
+        let _ = is_pending(ALARM);
         if self.active == 0 && is_pending(LINES) {
             let (active, next_ns) = bus::edges().unwrap_or((0, now_ns() + NO_ANSWER_NS));
             self.active = active;

@@ -29,18 +29,16 @@
 //! | `files.rs` | files of the host |
 //! | `bus.rs` | requests; `SpiDevice` |
 //! | `edges.rs` | timers that stand for the interrupts of the lines |
-//! | `parts.rs` | the drivers on this bus |
 //!
 //! Host: `host-tests/src/bridge/`.
 
 mod bus;
 mod edges;
 mod files;
-mod parts;
 
+pub use bus::{Bus, present};
 pub use edges::{Alarm, Edges};
 pub use files::File;
-pub(super) use parts::parts;
 
 /// Time stands still while the host writes: what the monitor was given, for a replay.
 pub fn recording() -> Option<File> {

@@ -1,7 +1,7 @@
-//! The drivers on this bus. Three makes of inertial unit, so that each kind of transfer is there: a burst of 32
-//! bits, a FIFO, and a burst of 16 bits at twice the rate.
+//! The sensors of the boards and their drivers. Three makes of inertial unit, so that each kind of transfer is
+//! there: a burst of 32 bits, a FIFO, and a burst of 16 bits at twice the rate.
 
-use super::bus::{self, Bus};
+use super::{Bus, present};
 use crate::drivers::adis::{self, Adis, Burst, Model};
 use crate::drivers::bmp390::Bmp390;
 use crate::drivers::icm42688::{self, AccelRange, GyroRange, Icm42688};
@@ -41,7 +41,7 @@ pub fn parts() -> Parts<'static> {
     static BAROMETER: StaticCell<Bmp390<Bus>> = StaticCell::new();
     static MAGNETOMETER: StaticCell<Lis3mdl<Bus>> = StaticCell::new();
 
-    let present = bus::present();
+    let present = present();
     let bus = |part: u8, bit_ns| (present & (1 << part) != 0).then(|| Bus::new(part, bit_ns));
     let adis = |bus: Option<Bus>, config, place: &'static StaticCell<Adis<Bus>>| {
         let driver = Adis::new(bus?, config).ok()?;
