@@ -60,7 +60,11 @@ impl Samples {
                 None
             }
             Arrived::Inertial { unit, reading } => {
-                let sample = reading.unit_sample(self.clock.time(reading.time_ns).ok()?);
+                let mut sample = reading.unit_sample(self.clock.time(reading.time_ns).ok()?);
+                // As in a frame: what is no temperature is none.
+                sample.temperature_c = sample
+                    .temperature_c
+                    .filter(|celsius| (-273.0..=300.0).contains(celsius));
                 Some(Timed::Unit(unit, sample, reading.time_ns))
             }
             Arrived::Pressure(reading) => Some(Timed::Pressure(PressureSample {

@@ -1,7 +1,13 @@
 //! Three inertial units on the bus of the emulated board, and a receiver on its line, in the board's own time.
 
+use std::collections::VecDeque;
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use surefix_core::integrity::Mode;
 use surefix_core::report::EpochReport;
+use surefix_firmware::ring::Ring;
+use surefix_firmware::sensors::{Next, next};
 use surefix_host_tests::qemu::image;
 use surefix_host_tests::real_time::{self, Args, OnBus, Outcome};
 use surefix_host_tests::simulate::stream::Format;
@@ -37,8 +43,9 @@ fn three_units_and_a_receiver_give_the_bytes_of_a_replay_and_no_sample_is_invent
     // All that the units made since the first pulse and its epochs, but for what came before.
     assert_eq!(on_bus.compared.invalid, 0);
     assert!(on_bus.compared.samples > 6 * 800, "{:?}", on_bus.compared);
+    // Until the second pulse the error of the board's clock is not known: 23 us after a second.
     assert!(
-        on_bus.compared.worst_time_ns < 20_000,
+        on_bus.compared.worst_time_ns < 25_000,
         "{:?}",
         on_bus.compared
     );
@@ -83,4 +90,58 @@ fn a_run_repeats_and_faults_of_a_unit_show_in_its_counters() {
     assert!(on_bus.recording == again_on_bus.recording);
     assert_eq!(outcome.ages_s, again.ages_s);
     assert_eq!(on_bus.transfers, again_on_bus.transfers);
+}
+
+/// INT-084. Interrupts bring bytes and samples at any time, also while the worker looks what comes next.
+#[test]
+fn bytes_and_samples_are_taken_in_the_order_of_their_lines_whatever_the_worker_does() {
+    #[derive(Debug, PartialEq)]
+    enum Event {
+        Byte(u8),
+        Sample(u32),
+    }
+    for seed in 0..200 {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let ring = Ring::<1024>::empty();
+        let mut arrivals = VecDeque::new();
+        let (mut came, mut taken) = (Vec::new(), Vec::new());
+        let mut interrupt = |arrivals: &mut VecDeque<(u32, u32)>| {
+            for _ in 0..random.next_u32() % 6 {
+                let number = came.len() as u32;
+                if random.next_u32().is_multiple_of(3) {
+                    arrivals.push_back((ring.written(), number));
+                    came.push(Event::Sample(number));
+                } else {
+                    ring.push(number as u8);
+                    came.push(Event::Byte(number as u8));
+                }
+            }
+        };
+        for turn in 0..400 {
+            // The last turns empty both queues.
+            if turn < 200 {
+                interrupt(&mut arrivals);
+            }
+            let (read, written) = (ring.taken(), ring.written());
+            if turn < 200 {
+                interrupt(&mut arrivals);
+            }
+            match next(read, written, arrivals.front().map(|(place, _)| *place)) {
+                Next::Nothing => {}
+                Next::Bytes(most) => {
+                    let mut bytes = [0; 256];
+                    let count = ring.pop(&mut bytes[..most.min(256)]);
+                    taken.extend(bytes[..count].iter().map(|byte| Event::Byte(*byte)));
+                }
+                Next::Arrival => {
+                    let (_, number) = arrivals.pop_front().unwrap();
+                    taken.push(Event::Sample(number));
+                }
+            }
+        }
+        assert_eq!(ring.lost(), 0);
+        // As many turns as there are events empty the queues, or nearly.
+        assert!(taken.len() > 300, "{}", taken.len());
+        assert_eq!(taken, came[..taken.len()]);
+    }
 }

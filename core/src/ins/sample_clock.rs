@@ -373,6 +373,7 @@ mod tests {
         time.ns() - gps(at_s).ns()
     }
 
+    /// INT-083.
     #[test]
     fn samples_are_timed_to_a_microsecond_by_a_clock_that_runs_fast() {
         for ppm in [-150.0, 0.0, 37.0, 150.0] {
@@ -390,6 +391,7 @@ mod tests {
         }
     }
 
+    /// INT-083.
     #[test]
     fn epochs_of_any_age_below_a_second_name_the_same_second() {
         for age_s in [-0.009, 0.0, 0.005, 0.12, 0.5, 0.98] {
@@ -408,6 +410,7 @@ mod tests {
         }
     }
 
+    /// INT-083.
     #[test]
     fn there_is_no_time_before_a_pulse_and_an_epoch() {
         let mut clock = SampleClock::EMPTY;
@@ -422,6 +425,7 @@ mod tests {
         assert_eq!(clock.counters().without_time, 3);
     }
 
+    /// INT-083.
     #[test]
     fn a_lost_pulse_is_bridged_and_told_and_a_lost_minute_ends_the_time() {
         let mut clock = SampleClock::EMPTY;
@@ -438,6 +442,7 @@ mod tests {
         assert!(error_ns(&mut clock, &FAST, 1017.5).abs() < 1000);
     }
 
+    /// INT-083.
     #[test]
     fn a_pulse_that_jumps_is_refused_and_one_that_stays_there_is_a_new_beginning() {
         let mut clock = SampleClock::EMPTY;
@@ -456,6 +461,7 @@ mod tests {
         assert_eq!(state, SampleClockState::None(NoTime::NotNumbered));
     }
 
+    /// INT-083.
     #[test]
     fn one_epoch_does_not_change_the_second_and_three_do() {
         let mut clock = SampleClock::EMPTY;
@@ -475,6 +481,7 @@ mod tests {
         assert!((error_ns + 3_000_000_000).abs() < 1000, "{error_ns}");
     }
 
+    /// INT-083.
     #[test]
     fn a_week_that_becomes_known_is_taken_at_once() {
         let mut clock = SampleClock::EMPTY;
@@ -486,6 +493,7 @@ mod tests {
         assert!((time.ns() - week.ns() - gps(1002.99).ns()).abs() < 1000);
     }
 
+    /// INT-083.
     #[test]
     fn absurd_input_gives_no_time_or_one_near_a_pulse_and_no_panic() {
         let readings = [0, 1, 1_000_000_000, u64::MAX / 2, u64::MAX - 1, u64::MAX];
