@@ -329,6 +329,10 @@ impl Part for Adis {
         }
     }
 
+    fn next_ns(&self) -> u64 {
+        self.next_sample_ns.max(self.busy_until_ns)
+    }
+
     fn data_ready_ns(&self) -> Option<u64> {
         line(&self.faults, self.edge_ns, self.last_edge_ns)
     }

@@ -291,6 +291,10 @@ impl Part for Bmp390 {
         }
     }
 
+    fn next_ns(&self) -> u64 {
+        self.next_sample_ns
+    }
+
     fn data_ready_ns(&self) -> Option<u64> {
         line(&self.faults, self.edge_ns, self.last_edge_ns)
     }

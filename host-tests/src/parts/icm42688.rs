@@ -356,6 +356,13 @@ impl Part for Icm42688 {
         }
     }
 
+    fn next_ns(&self) -> u64 {
+        match self.interval_ns() {
+            Some(_) => self.next_sample_ns,
+            None => u64::MAX,
+        }
+    }
+
     fn data_ready_ns(&self) -> Option<u64> {
         line(&self.faults, self.edge_ns, self.last_edge_ns)
     }

@@ -60,6 +60,9 @@ pub trait Part {
     /// Lets the part's time run on to `now_ns`: the samples that fall due measure `motion`.
     fn advance(&mut self, now_ns: u64, motion: &Motion);
 
+    /// When the next sample falls due, ns; `u64::MAX` while none does.
+    fn next_ns(&self) -> u64;
+
     /// When the data-ready line became active, ns; `None` while it is not.
     fn data_ready_ns(&self) -> Option<u64>;
 
