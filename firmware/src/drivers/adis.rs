@@ -19,6 +19,10 @@
 //! at most 1 MHz. Its sum is that of its bytes, 16 bits: it shows every single flipped bit, and of two
 //! flipped bits all but those that cancel: equal places of two bytes, one up, one down.
 //!
+//! Scales: [ADIS16505] and its siblings, gyroscope, accelerometer and delta-angle data formats. For the
+//! accelerometers of the ADIS16505 sources differ by up to half a per cent; this is the figure of the
+//! maker's driver [ADI-NO-OS] for 32 bits.
+//!
 //! The time of a reading is that of its data-ready edge; the delay of the part's filters (some
 //! milliseconds, its data sheet) is not taken off.
 
