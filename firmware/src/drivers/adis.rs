@@ -71,6 +71,9 @@ const UPDATE_NS: u64 = 300_000;
 /// Rate of the part before decimation, Hz.
 const INTERNAL_HZ: u32 = 2000;
 
+/// Of so many readings one comes with a register read back: it takes almost as long as a burst.
+const CHECK_EVERY: u8 = 8;
+
 /// Command and ten words.
 const BURST_16_LEN: usize = 22;
 /// Command and sixteen words.
@@ -230,6 +233,15 @@ pub struct Config {
 }
 
 impl Config {
+    /// What the registers must hold.
+    fn registers(&self) -> [(u8, u16); 3] {
+        [
+            (register::MSC_CTRL, self.misc_control()),
+            (register::FILT_CTRL, 0),
+            (register::DEC_RATE, self.rate.decimation()),
+        ]
+    }
+
     fn misc_control(&self) -> u16 {
         let burst = match self.burst {
             Burst::Rates16 => 0,
@@ -258,6 +270,8 @@ pub struct Adis<S> {
     is_tested: bool,
     /// Counter and time of the last burst, ns.
     last: Option<(u16, u64)>,
+    /// Readings since a register was read back.
+    since_check: u8,
 }
 
 impl<S: SpiDevice> Adis<S> {
@@ -275,6 +289,7 @@ impl<S: SpiDevice> Adis<S> {
             supervision: Supervision::new(config.rate.interval_ns()),
             is_tested: false,
             last: None,
+            since_check: 0,
         })
     }
 
@@ -335,15 +350,15 @@ impl<S: SpiDevice> Adis<S> {
                     return Err(Fault::SelfTest { status });
                 }
                 self.is_tested = true;
-                self.write_register(register::MSC_CTRL, self.config.misc_control())?;
-                self.write_register(register::FILT_CTRL, 0)?;
-                self.write_register(register::DEC_RATE, self.config.rate.decimation())?;
+                for (register, value) in self.config.registers() {
+                    self.write_register(register, value)?;
+                }
                 UPDATE_NS
             }
             _ => {
-                self.expect(register::MSC_CTRL, self.config.misc_control())?;
-                self.expect(register::FILT_CTRL, 0)?;
-                self.expect(register::DEC_RATE, self.config.rate.decimation())?;
+                for (register, value) in self.config.registers() {
+                    self.expect(register, value)?;
+                }
                 self.supervision.started(now_ns);
                 return Ok(());
             }
@@ -421,6 +436,7 @@ impl<S: SpiDevice> Adis<S> {
         }
         let temperature = word().cast_signed();
         let missed = self.missed(word(), time_ns)?;
+        self.check_configuration()?;
 
         let is_at_end = axes.iter().any(|axis| {
             let high = *axis >> 16;
@@ -456,6 +472,20 @@ impl<S: SpiDevice> Adis<S> {
         self.supervision.reading(now_ns, soundness, missed);
         // One reading into an empty list of sixteen.
         let _ = readings.push(reading);
+        Ok(())
+    }
+
+    /// Reads one register back every eighth time: a register that changed by itself would be a wrong number.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        if self.since_check < CHECK_EVERY {
+            self.since_check += 1;
+            return Ok(());
+        }
+        if let Some((register, value)) = self.supervision.to_check(&self.config.registers()) {
+            self.expect(register, value)?;
+            self.supervision.checked();
+        }
+        self.since_check = 1;
         Ok(())
     }
 

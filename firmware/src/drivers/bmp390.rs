@@ -108,17 +108,31 @@ impl<S: SpiDevice> Bmp390<S> {
             }
             _ => {
                 for (register, value) in CONFIGURATION {
-                    let [read] = self.read::<1, 2>(register)?;
-                    if read != value {
-                        let read = u16::from(read);
-                        return Err(Fault::Configuration { register, read });
-                    }
+                    self.expect(register, value)?;
                 }
                 self.supervision.started(now_ns);
                 return Ok(());
             }
         };
         self.supervision.step_done(now_ns, step, wait_ns);
+        Ok(())
+    }
+
+    fn expect(&mut self, register: u8, value: u8) -> Result<(), Fault> {
+        let [read] = self.read::<1, 2>(register)?;
+        if read != value {
+            let read = u16::from(read);
+            return Err(Fault::Configuration { register, read });
+        }
+        Ok(())
+    }
+
+    /// Reads one register back: one that changed by itself would be a wrong number.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        if let Some((register, value)) = self.supervision.to_check(&CONFIGURATION) {
+            self.expect(register, value)?;
+            self.supervision.checked();
+        }
         Ok(())
     }
 
@@ -174,6 +188,7 @@ impl<S: SpiDevice> Bmp390<S> {
         if self.read::<6, 7>(register::DATA_0)? != data {
             return Err(Fault::Unconfirmed);
         }
+        self.check_configuration()?;
         let [p0, p1, p2, t0, t1, t2] = data;
         let pressure = u32::from_le_bytes([p0, p1, p2, 0]);
         let temperature = u32::from_le_bytes([t0, t1, t2, 0]);

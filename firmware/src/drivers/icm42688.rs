@@ -309,11 +309,7 @@ impl<S: SpiDevice> Icm42688<S> {
             }
             _ => {
                 for (register, value) in self.config.registers() {
-                    let [read] = self.read(register)?;
-                    if read != value {
-                        let read = u16::from(read);
-                        return Err(Fault::Configuration { register, read });
-                    }
+                    self.expect(register, value)?;
                 }
                 self.write(register::SIGNAL_PATH_RESET, FIFO_FLUSH)?;
                 self.supervision.started(now_ns);
@@ -321,6 +317,24 @@ impl<S: SpiDevice> Icm42688<S> {
             }
         };
         self.supervision.step_done(now_ns, step, wait_ns);
+        Ok(())
+    }
+
+    fn expect(&mut self, register: u8, value: u8) -> Result<(), Fault> {
+        let [read] = self.read(register)?;
+        if read != value {
+            let read = u16::from(read);
+            return Err(Fault::Configuration { register, read });
+        }
+        Ok(())
+    }
+
+    /// Reads one register back: a range that changed by itself would be a wrong scale.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        if let Some((register, value)) = self.supervision.to_check(&self.config.registers()) {
+            self.expect(register, value)?;
+            self.supervision.checked();
+        }
         Ok(())
     }
 
@@ -413,6 +427,7 @@ impl<S: SpiDevice> Icm42688<S> {
                 Soundness::Doubtful
             } else {
                 self.confirm(&packet)?;
+                self.check_configuration()?;
                 packet.soundness()
             };
             let reading = self.reading(

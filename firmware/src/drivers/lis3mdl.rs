@@ -133,11 +133,7 @@ impl<S: SpiDevice> Lis3mdl<S> {
             }
             _ => {
                 for (register, value) in CONFIGURATION {
-                    let [read] = self.read(register)?;
-                    if read != value {
-                        let read = u16::from(read);
-                        return Err(Fault::Configuration { register, read });
-                    }
+                    self.expect(register, value)?;
                 }
                 // What was measured before the range changed is none of ours.
                 self.field()?;
@@ -146,6 +142,24 @@ impl<S: SpiDevice> Lis3mdl<S> {
             }
         };
         self.supervision.step_done(now_ns, step, wait_ns);
+        Ok(())
+    }
+
+    fn expect(&mut self, register: u8, value: u8) -> Result<(), Fault> {
+        let [read] = self.read(register)?;
+        if read != value {
+            let read = u16::from(read);
+            return Err(Fault::Configuration { register, read });
+        }
+        Ok(())
+    }
+
+    /// Reads one register back: one that changed by itself would be a wrong number.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        if let Some((register, value)) = self.supervision.to_check(&CONFIGURATION) {
+            self.expect(register, value)?;
+            self.supervision.checked();
+        }
         Ok(())
     }
 
@@ -204,6 +218,7 @@ impl<S: SpiDevice> Lis3mdl<S> {
         if self.field()? != numbers {
             return Err(Fault::Unconfirmed);
         }
+        self.check_configuration()?;
         if status & OVERRUN != 0 {
             self.supervision.note(Fault::Overrun);
         }

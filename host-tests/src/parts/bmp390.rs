@@ -165,6 +165,11 @@ impl Bmp390 {
         (COEFFICIENTS.pressure_pa(pressure + 1, t) - COEFFICIENTS.pressure_pa(pressure, t)).abs()
     }
 
+    /// A register changes by itself.
+    pub fn upset(&mut self, address: u8, value: u8) {
+        self.registers[usize::from(address)] = value;
+    }
+
     fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[0] = 0x60;

@@ -49,6 +49,11 @@ impl Lis3mdl {
         part
     }
 
+    /// A register changes by itself.
+    pub fn upset(&mut self, address: u8, value: u8) {
+        self.registers[usize::from(address)] = value;
+    }
+
     fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[WHO_AM_I] = 0x3d;

@@ -347,6 +347,27 @@ fn a_test_of_the_sensors_that_was_passed_is_not_repeated() {
     assert!(rig.is_running());
 }
 
+/// INT-076.
+#[test]
+fn a_register_that_changes_by_itself_is_noticed_and_the_part_configured_again() {
+    // The filter's delay; the decimation, with a counter that is then too fast.
+    for (address, value) in [(0x5c, 0x0003), (0x64, 0x0008)] {
+        let mut rig = rig().started();
+        rig.part().upset(address, value);
+        rig.run_ns(200_000_000);
+        // Three registers, one each eighth reading.
+        assert!(rig.readings.len() <= 24, "{}", rig.readings.len());
+        // Another rate may show in the counter as well.
+        assert_eq!(rig.faults.len(), 5, "{:?}", rig.faults);
+        assert!(rig.counters().configuration >= 4);
+        assert!(!rig.is_running());
+        rig.run_ns(1_000_000_000);
+        rig.run_ns(1_000_000_000);
+        assert_eq!(rig.counters().starts, 2);
+        assert_eq!(rig.readings.len(), 200);
+    }
+}
+
 /// What a burst of 16 bits says, with its bits turned at these places: whether the sum still holds.
 fn sum_holds(burst: &[u8], places: &[usize]) -> bool {
     let mut bytes = burst.to_vec();
@@ -445,8 +466,8 @@ fn of_two_turned_bits_a_burst_s_sum_misses_those_that_cancel() {
     assert!(wrong > 300 && wrong <= 870, "{wrong}");
 }
 
-/// At one turned bit in a thousand a burst of 160 bits has two or more with probability 0.0115, of which
-/// 5.4 % cancel: 6 readings in 10 000; four and more are a tenth of that.
+/// At one turned bit in a thousand a burst of 160 bits has just two turned with probability 0.0108, of which 403
+/// of 12 720 pairs are not noticed (the test above): 3.4 readings in 10 000.
 #[test]
 fn random_turned_bits_give_as_many_wrong_readings_as_the_sum_allows() {
     let mut rig = rig();
@@ -468,8 +489,8 @@ fn random_turned_bits_give_as_many_wrong_readings_as_the_sum_allows() {
     }
     println!("turned bits 1e-3: {valid} valid readings, {wrong} of them wrong");
     assert!(valid > 30_000);
-    // 40 000 readings, 25 expected, of which some are seen otherwise; 6 sigma.
-    assert!(wrong <= 55, "{wrong}");
+    // 40 000 readings, 14 expected; 4 sigma.
+    assert!((1..=29).contains(&wrong), "{wrong}");
 }
 
 proptest! {

@@ -129,6 +129,19 @@ fn a_temperature_outside_the_range_is_not_given() {
     assert!(rig.readings.is_empty());
 }
 
+/// INT-076.
+#[test]
+fn a_register_that_changes_by_itself_is_noticed_and_the_part_configured_again() {
+    let mut rig = rig().started();
+    rig.part().upset(0x1f, 0x04);
+    rig.run_ns(200_000_000);
+    assert!(rig.readings.len() <= 5, "{}", rig.readings.len());
+    assert_eq!(rig.counters().configuration, 5);
+    rig.run_ns(1_000_000_000);
+    assert_eq!(rig.counters().starts, 2);
+    assert!(rig.is_running());
+}
+
 /// INT-075.
 #[test]
 fn no_single_turned_bit_of_a_call_gives_a_wrong_reading() {

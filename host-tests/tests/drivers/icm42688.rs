@@ -287,6 +287,22 @@ fn a_test_of_the_sensors_that_was_passed_is_not_repeated() {
     assert!(rig.is_running());
 }
 
+/// INT-076.
+#[test]
+fn a_register_that_changes_by_itself_is_noticed_and_the_part_configured_again() {
+    let mut rig = rig().started();
+    // Half the range, twice the numbers.
+    rig.part().upset(0x4f, 3 << 5 | 0x07);
+    rig.run_ns(100_000_000);
+    // Eleven registers, one each reading.
+    assert!(rig.readings.len() <= 11, "{}", rig.readings.len());
+    assert_eq!(rig.counters().configuration, 5);
+    rig.run_ns(1_000_000_000);
+    rig.run_ns(1_000_000_000);
+    assert_eq!(rig.counters().starts, 2);
+    assert_eq!(rig.readings.len(), 200);
+}
+
 /// INT-075.
 #[test]
 fn no_single_turned_bit_of_a_call_gives_a_wrong_reading() {
