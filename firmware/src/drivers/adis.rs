@@ -268,7 +268,7 @@ pub struct Adis<S> {
     supervision: Supervision,
     /// The part's test of its sensors was passed: motion can make a later one fail.
     is_tested: bool,
-    /// Counter and time of the last burst, ns.
+    /// Counter and time of the last reading given, ns.
     last: Option<(u16, u64)>,
     /// Readings since a register was read back.
     since_check: u8,
@@ -435,7 +435,8 @@ impl<S: SpiDevice> Adis<S> {
             *axis = (i32::from(high.cast_signed()) << 16) | i32::from(low);
         }
         let temperature = word().cast_signed();
-        let missed = self.missed(word(), time_ns)?;
+        let counter = word();
+        let missed = self.missed(counter, time_ns)?;
         self.check_configuration()?;
 
         let is_at_end = axes.iter().any(|axis| {
@@ -469,6 +470,7 @@ impl<S: SpiDevice> Adis<S> {
             is_valid: soundness == Soundness::Sound,
             missed,
         };
+        self.last = Some((counter, time_ns));
         self.supervision.reading(now_ns, soundness, missed);
         // One reading into an empty list of sixteen.
         let _ = readings.push(reading);
@@ -481,22 +483,20 @@ impl<S: SpiDevice> Adis<S> {
             self.since_check += 1;
             return Ok(());
         }
-        if let Some((register, value)) = self.supervision.to_check(&self.config.registers()) {
-            self.expect(register, value)?;
-            self.supervision.checked();
-        }
+        let (register, value) = self.supervision.to_check(&self.config.registers());
+        self.expect(register, value)?;
+        self.supervision.checked();
         self.since_check = 1;
         Ok(())
     }
 
-    /// Readings between the last burst and this one, by the part's counter and the time that passed.
+    /// Readings between the last one given and this one, by the part's counter and the time that passed.
     fn missed(&mut self, counter: u16, time_ns: u64) -> Result<u32, Fault> {
-        let Some((last, last_ns)) = self.last.replace((counter, time_ns)) else {
+        let Some((last, last_ns)) = self.last else {
             return Ok(0);
         };
         let step = counter.wrapping_sub(last);
         if step == 0 {
-            self.last = Some((last, last_ns));
             return Err(Fault::Repeated);
         }
         let interval_ns = u64::from(self.config.rate.interval_ns());
@@ -505,6 +505,8 @@ impl<S: SpiDevice> Adis<S> {
         // Jitter of a call that came late, and the part's clock.
         let allowed_ns = interval_ns + interval_ns / 2 + elapsed_ns / 16;
         if counted_ns.abs_diff(elapsed_ns) > allowed_ns {
+            // The next is held against this one: either may be the wrong one.
+            self.last = Some((counter, time_ns));
             return Err(Fault::Counter { step });
         }
         Ok(u32::from(step) - 1)

@@ -47,7 +47,7 @@ const SOFT_RESET: u8 = 0xb6;
 const RESET_DETECTED: u8 = 0x01;
 /// STATUS: pressure and temperature are new.
 const BOTH_NEW: u8 = 0x60;
-/// What the data registers hold before the first measurement.
+/// What both numbers are before the first measurement.
 const NO_DATA: u32 = 0x80_0000;
 /// Written and read back: pressure eight times oversampled, 50 Hz, no filter.
 const CONFIGURATION: [(u8, u8); 5] = [
@@ -129,10 +129,9 @@ impl<S: SpiDevice> Bmp390<S> {
 
     /// Reads one register back: one that changed by itself would be a wrong number.
     fn check_configuration(&mut self) -> Result<(), Fault> {
-        if let Some((register, value)) = self.supervision.to_check(&CONFIGURATION) {
-            self.expect(register, value)?;
-            self.supervision.checked();
-        }
+        let (register, value) = self.supervision.to_check(&CONFIGURATION);
+        self.expect(register, value)?;
+        self.supervision.checked();
         Ok(())
     }
 
@@ -192,7 +191,7 @@ impl<S: SpiDevice> Bmp390<S> {
         let [p0, p1, p2, t0, t1, t2] = data;
         let pressure = u32::from_le_bytes([p0, p1, p2, 0]);
         let temperature = u32::from_le_bytes([t0, t1, t2, 0]);
-        if pressure == NO_DATA || temperature == NO_DATA {
+        if pressure == NO_DATA && temperature == NO_DATA {
             return Err(Fault::Malformed { word: 0x8000 });
         }
         let (pressure_pa, temperature_c) = self.trimming.compensate(pressure, temperature);

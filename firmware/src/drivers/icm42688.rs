@@ -244,7 +244,7 @@ pub struct Icm42688<S> {
     is_tested: bool,
     /// Six axes without the test's forces.
     without_forces: [i16; 6],
-    /// Time stamp of the last packet, µs.
+    /// Time stamp of the last reading given, µs.
     last_time_stamp: Option<u16>,
     /// FIFO_LOST_PKT when it was last read.
     lost: u16,
@@ -331,10 +331,9 @@ impl<S: SpiDevice> Icm42688<S> {
 
     /// Reads one register back: a range that changed by itself would be a wrong scale.
     fn check_configuration(&mut self) -> Result<(), Fault> {
-        if let Some((register, value)) = self.supervision.to_check(&self.config.registers()) {
-            self.expect(register, value)?;
-            self.supervision.checked();
-        }
+        let (register, value) = self.supervision.to_check(&self.config.registers());
+        self.expect(register, value)?;
+        self.supervision.checked();
         Ok(())
     }
 
@@ -436,6 +435,7 @@ impl<S: SpiDevice> Icm42688<S> {
                 soundness,
                 missed,
             );
+            self.last_time_stamp = Some(packet.time_stamp);
             self.supervision.reading(now_ns, soundness, missed);
             // At most sixteen into an empty list of sixteen.
             let _ = readings.push(reading);
@@ -482,10 +482,9 @@ impl<S: SpiDevice> Icm42688<S> {
         })
     }
 
-    /// Readings between the last packet and this one: as many as were lost, else by the time stamps.
+    /// Readings between the last one given and this one: as many as were lost, else by the time stamps.
     fn missed(&mut self, time_stamp: u16, lost: Option<u16>) -> Result<u32, Fault> {
-        let before = self.last_time_stamp.replace(time_stamp);
-        let (Some(before), None) = (before, lost) else {
+        let (Some(before), None) = (self.last_time_stamp, lost) else {
             return Ok(lost.map_or(0, u32::from));
         };
         let step = time_stamp.wrapping_sub(before);
@@ -497,6 +496,8 @@ impl<S: SpiDevice> Icm42688<S> {
         let intervals = (elapsed_us + interval_us / 2) / interval_us;
         // The stamps count a clock that is off by some per cent (4.10).
         if intervals == 0 || (intervals * interval_us).abs_diff(elapsed_us) > interval_us / 4 {
+            // The next is held against this one: either may be the wrong one.
+            self.last_time_stamp = Some(time_stamp);
             return Err(Fault::Counter { step });
         }
         Ok(intervals - 1)

@@ -156,10 +156,9 @@ impl<S: SpiDevice> Lis3mdl<S> {
 
     /// Reads one register back: one that changed by itself would be a wrong number.
     fn check_configuration(&mut self) -> Result<(), Fault> {
-        if let Some((register, value)) = self.supervision.to_check(&CONFIGURATION) {
-            self.expect(register, value)?;
-            self.supervision.checked();
-        }
+        let (register, value) = self.supervision.to_check(&CONFIGURATION);
+        self.expect(register, value)?;
+        self.supervision.checked();
         Ok(())
     }
 

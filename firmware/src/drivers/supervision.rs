@@ -60,7 +60,7 @@ pub struct DriverCounters {
     pub readings: u32,
     /// Of these, those that the part does not hold for sound.
     pub invalid: u32,
-    /// Readings that the part made and nobody read, by its own counter.
+    /// Readings that the part made and that were not given, by its own counter.
     pub missed: u32,
     /// Errors of the bus.
     pub bus: u32,
@@ -234,9 +234,9 @@ impl Supervision {
     }
 
     /// The register of a configuration whose turn it is to be read back while running, and what it must hold.
-    pub fn to_check<A: Copy>(&self, configuration: &[A]) -> Option<A> {
-        let place = self.checks.checked_rem(configuration.len())?;
-        configuration.get(place).copied()
+    pub fn to_check<A: Copy, const N: usize>(&self, configuration: &[A; N]) -> A {
+        const { assert!(N > 0) };
+        configuration[self.checks % N]
     }
 
     /// It holds what it must: the next one's turn.

@@ -235,9 +235,9 @@ impl Bmp390 {
     }
 
     fn sample(&mut self, time_ns: u64, motion: &Motion) {
-        let (mut pressure, temperature) = raw(motion);
+        let (mut pressure, mut temperature) = raw(motion);
         if self.faults.has(Fault::NoNumber) {
-            pressure = 0x80_0000;
+            (pressure, temperature) = (0x80_0000, 0x80_0000);
         }
         if self.faults.has(Fault::Saturated) {
             pressure = 0;

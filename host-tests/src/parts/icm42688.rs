@@ -261,6 +261,9 @@ impl Icm42688 {
         if self.faults.has(Fault::SelfTestFails) {
             answer[3] *= 0.1;
         }
+        if self.faults.has(Fault::SelfTestTooStrong) {
+            answer[0] *= 3.0;
+        }
         answer
     }
 

@@ -107,7 +107,13 @@ impl Lis3mdl {
             let mut gauss = motion.field_s_ut[axis] / 100.0;
             if self.registers[CTRL_REG1] & 0x01 != 0 {
                 let is_dead = axis == 1 && self.faults.has(Fault::SelfTestFails);
-                gauss += if is_dead { 0.1 } else { COIL_GAUSS[axis] };
+                gauss += if is_dead {
+                    0.1
+                } else if self.faults.has(Fault::SelfTestTooStrong) {
+                    3.5
+                } else {
+                    COIL_GAUSS[axis]
+                };
             }
             let mut number = rounded(gauss * lsb_per_gauss, -32_768, 32_767) as i16;
             if self.faults.has(Fault::Saturated) {

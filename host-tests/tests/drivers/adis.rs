@@ -6,7 +6,7 @@ use surefix_firmware::drivers::adis::{Adis, Burst, Config, Model, NoBurst32, Rat
 use surefix_firmware::drivers::{Fault, InertialReading};
 use surefix_host_tests::parts::{self, Bus, Motion, Part};
 
-use crate::rig::Rig;
+use crate::rig::{Rig, check_each_bus_error};
 
 type AdisRig = Rig<Adis<Bus<parts::adis::Adis>>, parts::adis::Adis>;
 
@@ -248,6 +248,11 @@ fn a_line_that_stays_active_repeats_nothing() {
     rig.run_ns(1_000_000_000);
     assert_eq!(rig.faults, []);
     assert_eq!(rig.readings.len(), 200);
+}
+
+#[test]
+fn an_error_of_the_bus_at_any_transfer_is_told_and_got_over() {
+    check_each_bus_error(rig, 70);
 }
 
 /// INT-073.

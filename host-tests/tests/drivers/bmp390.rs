@@ -6,7 +6,7 @@ use surefix_firmware::drivers::Fault;
 use surefix_firmware::drivers::bmp390::Bmp390;
 use surefix_host_tests::parts::{self, Bus, Motion, Part};
 
-use crate::rig::Rig;
+use crate::rig::{Rig, check_each_bus_error};
 
 type BmpRig = Rig<Bmp390<Bus<parts::bmp390::Bmp390>>, parts::bmp390::Bmp390>;
 
@@ -120,13 +120,43 @@ fn a_line_that_stays_active_repeats_nothing() {
 }
 
 #[test]
-fn a_temperature_outside_the_range_is_not_given() {
+fn what_is_outside_the_range_of_the_part_is_not_given() {
     let mut rig = rig().started();
-    rig.motion.temperature_c = 90.0;
-    rig.run_ns(20_000_000);
-    rig.run_ns(40_000_000);
-    assert_eq!(rig.faults, [Fault::OutOfRange; 2]);
-    assert!(rig.readings.is_empty());
+    for (pressure_pa, temperature_c) in [
+        (101_325.0, 90.0),
+        (101_325.0, -41.0),
+        (20_000.0, 20.0),
+        (126_000.0, 20.0),
+    ] {
+        rig.motion.pressure_pa = 101_325.0;
+        rig.motion.temperature_c = 20.0;
+        rig.run_ns(40_000_000);
+        rig.motion.pressure_pa = pressure_pa;
+        rig.motion.temperature_c = temperature_c;
+        rig.run_ns(20_000_000);
+        rig.run_ns(40_000_000);
+        assert_eq!(rig.faults, [Fault::OutOfRange; 2]);
+        assert!(rig.readings.is_empty());
+    }
+}
+
+#[test]
+fn a_pressure_that_happens_to_be_the_number_of_none_is_read() {
+    let mut rig = rig().started();
+    rig.sleep_ns(20_000_000);
+    for (address, value) in [(0x04, 0x00), (0x05, 0x00), (0x06, 0x80)] {
+        rig.part().upset(address, value);
+    }
+    let now_ns = rig.now_ns;
+    rig.readings.clear();
+    rig.serve(Some(now_ns));
+    assert_eq!(rig.readings.len() + rig.faults.len(), 1);
+    assert!(!rig.faults.contains(&Fault::Malformed { word: 0x8000 }));
+}
+
+#[test]
+fn an_error_of_the_bus_at_any_transfer_is_told_and_got_over() {
+    check_each_bus_error(rig, 40);
 }
 
 /// INT-076.

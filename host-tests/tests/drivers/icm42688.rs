@@ -8,7 +8,7 @@ use surefix_firmware::drivers::icm42688::{AccelRange, Config, GyroRange, Icm4268
 use surefix_firmware::drivers::{Fault, InertialReading};
 use surefix_host_tests::parts::{self, Bus, Motion, Part};
 
-use crate::rig::Rig;
+use crate::rig::{Rig, check_each_bus_error};
 
 type IcmRig = Rig<Icm42688<Bus<parts::icm42688::Icm42688>>, parts::icm42688::Icm42688>;
 
@@ -102,6 +102,10 @@ fn a_start_with_something_wrong_is_told_and_tried_again() {
     rig().check_start_fault(Wrong::SelfTestFails, |fault| {
         fault == Fault::SelfTest { status: 1 << 3 }
     });
+    // The x accelerometer.
+    rig().check_start_fault(Wrong::SelfTestTooStrong, |fault| {
+        fault == Fault::SelfTest { status: 1 << 0 }
+    });
     for (address, read) in [(0x4c, 0x30), (0x4f, 0x06), (0x5f, 0x00), (0x64, 0x10)] {
         // GYRO_CONFIG0 that takes no write spoils the test of the gyroscopes first.
         rig().check_start_fault(Wrong::RegisterStuck { address }, |fault| {
@@ -139,6 +143,12 @@ fn a_part_without_the_factory_s_codes_is_held_to_the_absolute_limits() {
     });
     failing.check_start_fault(parts::Fault::SelfTestFails, |fault| {
         fault == Fault::SelfTest { status: 1 << 3 }
+    });
+    let strong: IcmRig = Rig::new(parts::icm42688::Icm42688::without_codes(), |bus| {
+        Icm42688::new(bus, CONFIG)
+    });
+    strong.check_start_fault(parts::Fault::SelfTestTooStrong, |fault| {
+        fault == Fault::SelfTest { status: 1 << 0 }
     });
 }
 
@@ -190,6 +200,34 @@ fn a_line_that_stays_active_repeats_nothing() {
     rig.run_ns(1_000_000_000);
     assert_eq!(rig.faults, []);
     assert_eq!(rig.readings.len(), 200);
+}
+
+#[test]
+fn an_error_of_the_bus_at_any_transfer_is_told_and_got_over() {
+    check_each_bus_error(rig, 70);
+    let mut rig = rig().started();
+    rig.break_with(parts::Fault::BusErrorOnce { transfer: 2 });
+    rig.run_ns(10_000_000);
+    assert_eq!(rig.readings.len(), 1);
+    // The first was refused for want of a confirmation.
+    assert_eq!(rig.readings[0].missed, 1);
+    // While the FIFO overflows: the count of what was lost; while nothing is new: the identity.
+    for (transfer, is_full) in [(1, true), (1, false)] {
+        rig.run_ns(100_000_000);
+        if is_full {
+            rig.sleep_ns(1_000_000_000);
+        }
+        rig.break_with(parts::Fault::BusErrorOnce { transfer });
+        rig.faults.clear();
+        let now_ns = rig.now_ns;
+        rig.serve(Some(now_ns));
+        assert!(
+            matches!(rig.faults[..], [Fault::Bus(_)]),
+            "{:?}",
+            rig.faults
+        );
+        rig.mend();
+    }
 }
 
 /// INT-073.

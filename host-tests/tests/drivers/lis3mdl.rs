@@ -6,7 +6,7 @@ use surefix_firmware::drivers::Fault;
 use surefix_firmware::drivers::lis3mdl::Lis3mdl;
 use surefix_host_tests::parts::{self, Bus, Part};
 
-use crate::rig::Rig;
+use crate::rig::{Rig, check_each_bus_error};
 
 type LisRig = Rig<Lis3mdl<Bus<parts::lis3mdl::Lis3mdl>>, parts::lis3mdl::Lis3mdl>;
 
@@ -55,6 +55,9 @@ fn a_start_with_something_wrong_is_told_and_tried_again() {
     // The y axis.
     rig().check_start_fault(Wrong::SelfTestFails, |fault| {
         fault == Fault::SelfTest { status: 1 << 1 }
+    });
+    rig().check_start_fault(Wrong::SelfTestTooStrong, |fault| {
+        fault == Fault::SelfTest { status: 0b111 }
     });
     rig().check_start_fault(Wrong::RegisterStuck { address: 0x24 }, |fault| {
         fault
@@ -126,6 +129,11 @@ fn a_test_of_the_sensor_that_was_passed_is_not_repeated() {
     rig.break_with(parts::Fault::SelfTestFails);
     rig.run_ns(2_000_000_000);
     assert!(rig.is_running());
+}
+
+#[test]
+fn an_error_of_the_bus_at_any_transfer_is_told_and_got_over() {
+    check_each_bus_error(rig, 40);
 }
 
 /// INT-076.

@@ -219,3 +219,21 @@ impl<D: Driver, P: Part> Rig<D, P> {
         assert!(self.counters().starts > before.starts, "{wrong:?}");
     }
 }
+
+/// An error of the bus at each of the first transfers, one at a time: it is told once and the driver comes
+/// back; a reading that was lost is missed by the next.
+pub fn check_each_bus_error<D: Driver, P: Part>(make: impl Fn() -> Rig<D, P>, transfers: u32) {
+    for transfer in 0..transfers {
+        let mut rig = make();
+        rig.break_with(parts::Fault::BusErrorOnce { transfer });
+        rig.run_ns(3_000_000_000);
+        let faults = std::mem::take(&mut rig.faults);
+        assert!(
+            matches!(faults[..], [Fault::Bus(_)]),
+            "transfer {transfer}: {faults:?}"
+        );
+        assert!(rig.is_running());
+        assert_eq!(rig.counters().starts, 1);
+        assert_eq!(rig.counters().bus, 1);
+    }
+}
