@@ -1,22 +1,23 @@
 //! Bosch BMP390: barometer.
 //!
-//! | register | address | use | [BMP390], section |
-//! |---|---|---|---|
-//! | CHIP_ID | 0x00 | 0x60 | 4.3.1 |
-//! | ERR_REG | 0x02 | fatal, command and configuration errors | 4.3.3 |
-//! | STATUS | 0x03 | pressure and temperature are new | 4.3.4 |
-//! | DATA_0 to DATA_5 | 0x04 to 0x09 | pressure, temperature: 24 bits, low byte first | 4.3.5, 4.3.6 |
-//! | EVENT | 0x10 | the part was reset | 4.3.8 |
-//! | INT_CTRL | 0x19 | interrupt pin: push-pull, active high, new data | 4.3.15 |
-//! | PWR_CTRL | 0x1B | both on, normal mode | 4.3.17 |
-//! | OSR, ODR, CONFIG | 0x1C, 0x1D, 0x1F | oversampling, rate, no filter | 4.3.18 to 4.3.20 |
-//! | sum, NVM_PAR | 0x30; 0x31 to 0x45 | trimming coefficients, CRC over them | 3.11.1 |
-//! | CMD | 0x7E | software reset | 4.3.22 |
+//! | register | address | use |
+//! |---|---|---|
+//! | CHIP_ID | 0x00 | 0x60 |
+//! | ERR_REG | 0x02 | fatal, command and configuration errors |
+//! | STATUS | 0x03 | pressure and temperature are new |
+//! | DATA_0 to DATA_5 | 0x04 to 0x09 | pressure, temperature: 24 bits, low byte first |
+//! | EVENT | 0x10 | the part was reset |
+//! | INT_CTRL | 0x19 | interrupt pin: push-pull, active high, new data |
+//! | PWR_CTRL | 0x1B | both on, normal mode |
+//! | OSR, ODR, CONFIG | 0x1C, 0x1D, 0x1F | oversampling, rate, no filter |
+//! | sum, NVM_PAR_T1 to NVM_PAR_P11 | 0x30; 0x31 to 0x45 | trimming coefficients, CRC over them |
+//! | CMD | 0x7E | software reset |
 //!
-//! Compensation in double precision: appendix 8.4 to 8.6. A read has one byte of no meaning before the
-//! first register (5.3.2). The CRC of the coefficients is not in the data sheet: it is in the maker's test
-//! program (polynomial 0x1D, begun and ended with 0xFF). A reading carries no sum, so its registers are
-//! read twice and must be the same: a bit that flipped in one of the two is seen.
+//! Each under its name in the register description of [BMP390]; the compensation in double precision is its
+//! appendix, computation formulae. A read has one byte of no meaning before the first register (digital
+//! interfaces, SPI read). The CRC of the coefficients is not in the data sheet but in the maker's test
+//! program [BMP3-API] (polynomial 0x1D, begun and ended with 0xFF). A reading carries no sum, so its
+//! registers are read twice and must be the same: a bit that flipped in one of the two is seen.
 
 use embedded_hal::spi::SpiDevice;
 
@@ -46,7 +47,7 @@ const SOFT_RESET: u8 = 0xb6;
 const RESET_DETECTED: u8 = 0x01;
 /// STATUS: pressure and temperature are new.
 const BOTH_NEW: u8 = 0x60;
-/// What the data registers hold before the first measurement.
+/// What both numbers are before the first measurement.
 const NO_DATA: u32 = 0x80_0000;
 /// Written and read back: pressure eight times oversampled, 50 Hz, no filter.
 const CONFIGURATION: [(u8, u8); 5] = [
@@ -59,7 +60,7 @@ const CONFIGURATION: [(u8, u8); 5] = [
 const INTERVAL_NS: u32 = 20_000_000;
 /// The part takes 2 ms.
 const RESET_NS: u64 = 10_000_000;
-/// Range of the part, Pa and °C (table 2).
+/// Range of the part, Pa and °C.
 const PRESSURE_PA: (f64, f64) = (30_000.0, 125_000.0);
 const TEMPERATURE_C: (f64, f64) = (-40.0, 85.0);
 
@@ -107,17 +108,30 @@ impl<S: SpiDevice> Bmp390<S> {
             }
             _ => {
                 for (register, value) in CONFIGURATION {
-                    let [read] = self.read::<1, 2>(register)?;
-                    if read != value {
-                        let read = u16::from(read);
-                        return Err(Fault::Configuration { register, read });
-                    }
+                    self.expect(register, value)?;
                 }
                 self.supervision.started(now_ns);
                 return Ok(());
             }
         };
         self.supervision.step_done(now_ns, step, wait_ns);
+        Ok(())
+    }
+
+    fn expect(&mut self, register: u8, value: u8) -> Result<(), Fault> {
+        let [read] = self.read::<1, 2>(register)?;
+        if read != value {
+            let read = u16::from(read);
+            return Err(Fault::Configuration { register, read });
+        }
+        Ok(())
+    }
+
+    /// Reads one register back: one that changed by itself would be a wrong number.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        let (register, value) = self.supervision.to_check(&CONFIGURATION);
+        self.expect(register, value)?;
+        self.supervision.checked();
         Ok(())
     }
 
@@ -173,10 +187,11 @@ impl<S: SpiDevice> Bmp390<S> {
         if self.read::<6, 7>(register::DATA_0)? != data {
             return Err(Fault::Unconfirmed);
         }
+        self.check_configuration()?;
         let [p0, p1, p2, t0, t1, t2] = data;
         let pressure = u32::from_le_bytes([p0, p1, p2, 0]);
         let temperature = u32::from_le_bytes([t0, t1, t2, 0]);
-        if pressure == NO_DATA || temperature == NO_DATA {
+        if pressure == NO_DATA && temperature == NO_DATA {
             return Err(Fault::Malformed { word: 0x8000 });
         }
         let (pressure_pa, temperature_c) = self.trimming.compensate(pressure, temperature);
@@ -200,7 +215,7 @@ fn is_within(value: f64, (least, most): (f64, f64)) -> bool {
 /// Bytes of coefficients.
 const TRIMMING_LEN: usize = 21;
 
-/// Coefficients of the compensation, as floating-point numbers (8.4).
+/// Coefficients of the compensation, as floating-point numbers.
 #[derive(Clone, Copy, Debug)]
 struct Trimming {
     t: [f64; 3],
@@ -257,7 +272,7 @@ impl Trimming {
         }
     }
 
-    /// Pressure, Pa, and temperature, °C (8.5, 8.6).
+    /// Pressure, Pa, and temperature, °C.
     fn compensate(&self, pressure: u32, temperature: u32) -> (f64, f64) {
         let [t1, t2, t3] = self.t;
         let [p1, p2, p3, p4, p5, p6, p7, p8, p9, p10, p11] = self.p;

@@ -1,25 +1,28 @@
 //! TDK ICM-42688-P: inertial unit with a FIFO of time-stamped packets.
 //!
-//! | register | bank, address | use | [ICM-42688-P], section |
-//! |---|---|---|---|
-//! | DEVICE_CONFIG | 0, 0x11 | software reset | 14.1 |
-//! | INT_CONFIG | 0, 0x14 | interrupt pin: push-pull, active high, pulsed | 14.3 |
-//! | FIFO_CONFIG | 0, 0x16 | FIFO keeps the newest | 14.4 |
-//! | TEMP_DATA1 to GYRO_DATA_Z0 | 0, 0x1D to 0x2A | the newest reading | 14.5 to 14.18 |
-//! | INT_STATUS, FIFO_COUNT | 0, 0x2D to 0x2F | reset done, FIFO full; packets in the FIFO | 14.21 to 14.23 |
-//! | FIFO_DATA | 0, 0x30 | the packets | 14.24; 6.1 packet 3 |
-//! | SIGNAL_PATH_RESET | 0, 0x4B | empties the FIFO | 14.33 |
-//! | INTF_CONFIG0 | 0, 0x4C | high byte first, count in packets, no I2C | 14.34 |
-//! | PWR_MGMT0 | 0, 0x4E | both sensors in low-noise mode | 14.36 |
-//! | GYRO_CONFIG0, ACCEL_CONFIG0 | 0, 0x4F, 0x50 | range and rate | 14.37, 14.38 |
-//! | FIFO_CONFIG1 to 3 | 0, 0x5F to 0x61 | what is in a packet; threshold | 14.48 to 14.50 |
-//! | INT_CONFIG1, INT_SOURCE0 | 0, 0x64, 0x65 | pins work; FIFO threshold to INT1 | 14.53, 14.54 |
-//! | FIFO_LOST_PKT0, 1 | 0, 0x6C, 0x6D | packets for which there was no room | 14.58, 14.59 |
-//! | SELF_TEST_CONFIG | 0, 0x70 | forces that move the sensors | 14.60 |
-//! | WHO_AM_I | 0, 0x75 | 0x47 | 14.61 |
-//! | REG_BANK_SEL | all, 0x76 | bank | 14.62 |
-//! | XG_ST_DATA and on | 1, 0x5F to 0x61 | answer of the gyroscopes to the test at the factory | 15 |
-//! | XA_ST_DATA and on | 2, 0x3B to 0x3D | the same of the accelerometers | 16 |
+//! | register | bank, address | use |
+//! |---|---|---|
+//! | DEVICE_CONFIG | 0, 0x11 | software reset |
+//! | INT_CONFIG | 0, 0x14 | interrupt pin: push-pull, active high, pulsed |
+//! | FIFO_CONFIG | 0, 0x16 | FIFO keeps the newest |
+//! | TEMP_DATA1 to GYRO_DATA_Z0 | 0, 0x1D to 0x2A | the newest reading |
+//! | INT_STATUS, FIFO_COUNTH, FIFO_COUNTL | 0, 0x2D to 0x2F | reset done, FIFO full; packets in the FIFO |
+//! | FIFO_DATA | 0, 0x30 | the packets |
+//! | SIGNAL_PATH_RESET | 0, 0x4B | empties the FIFO |
+//! | INTF_CONFIG0 | 0, 0x4C | high byte first, count in packets, no I2C |
+//! | PWR_MGMT0 | 0, 0x4E | both sensors in low-noise mode |
+//! | GYRO_CONFIG0, ACCEL_CONFIG0 | 0, 0x4F, 0x50 | range and rate |
+//! | FIFO_CONFIG1 to 3 | 0, 0x5F to 0x61 | what is in a packet; threshold |
+//! | INT_CONFIG1, INT_SOURCE0 | 0, 0x64, 0x65 | pins work; FIFO threshold to INT1 |
+//! | FIFO_LOST_PKT0, 1 | 0, 0x6C, 0x6D | packets for which there was no room |
+//! | SELF_TEST_CONFIG | 0, 0x70 | forces that move the sensors |
+//! | WHO_AM_I | 0, 0x75 | 0x47 |
+//! | REG_BANK_SEL | all, 0x76 | bank |
+//! | XG_ST_DATA, YG_, ZG_ | 1, 0x5F to 0x61 | answer of the gyroscopes to the test at the factory |
+//! | XA_ST_DATA, YA_, ZA_ | 2, 0x3B to 0x3D | the same of the accelerometers |
+//!
+//! Each under its name in the register maps of user banks 0, 1 and 2 of [ICM-42688-P]; packets in the
+//! section on the FIFO (packet 3); clock and temperature in sections 4.10 and 4.13.
 //!
 //! The part sends no sum. So the newest packet is compared with the data registers, which hold the same
 //! reading: a bit that flipped in one of the two is seen, unless the same flipped in both. A packet that
@@ -86,11 +89,11 @@ const LOW_NOISE: u8 = 0x0f;
 const TEST_ALL: u8 = 0x7f;
 /// GYRO_CONFIG0 and ACCEL_CONFIG0 during the test: 250 °/s and 2 g (the code is 3 for both), 1 kHz.
 const TEST_RANGE: u8 = 3 << 5 | 0x06;
-/// Header of a packet with accelerations, rates and time stamp (6.1): bits 6, 5 and 3.
+/// Header of a packet with accelerations, rates and time stamp: bits 6, 5 and 3.
 const HEADER: u8 = 0x68;
 /// The header's two lowest bits tell of a change of rate.
 const HEADER_MASK: u8 = 0xfc;
-/// What stands for an axis that has no new number (6.1).
+/// What stands for an axis that has no new number.
 const NO_NUMBER: i16 = i16::MIN;
 /// Packets of 16 bytes in a FIFO of 2 kB.
 const MAX_PACKETS: u16 = 128;
@@ -241,7 +244,7 @@ pub struct Icm42688<S> {
     is_tested: bool,
     /// Six axes without the test's forces.
     without_forces: [i16; 6],
-    /// Time stamp of the last packet, µs.
+    /// Time stamp of the last reading given, µs.
     last_time_stamp: Option<u16>,
     /// FIFO_LOST_PKT when it was last read.
     lost: u16,
@@ -306,11 +309,7 @@ impl<S: SpiDevice> Icm42688<S> {
             }
             _ => {
                 for (register, value) in self.config.registers() {
-                    let [read] = self.read(register)?;
-                    if read != value {
-                        let read = u16::from(read);
-                        return Err(Fault::Configuration { register, read });
-                    }
+                    self.expect(register, value)?;
                 }
                 self.write(register::SIGNAL_PATH_RESET, FIFO_FLUSH)?;
                 self.supervision.started(now_ns);
@@ -318,6 +317,23 @@ impl<S: SpiDevice> Icm42688<S> {
             }
         };
         self.supervision.step_done(now_ns, step, wait_ns);
+        Ok(())
+    }
+
+    fn expect(&mut self, register: u8, value: u8) -> Result<(), Fault> {
+        let [read] = self.read(register)?;
+        if read != value {
+            let read = u16::from(read);
+            return Err(Fault::Configuration { register, read });
+        }
+        Ok(())
+    }
+
+    /// Reads one register back: a range that changed by itself would be a wrong scale.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        let (register, value) = self.supervision.to_check(&self.config.registers());
+        self.expect(register, value)?;
+        self.supervision.checked();
         Ok(())
     }
 
@@ -410,6 +426,7 @@ impl<S: SpiDevice> Icm42688<S> {
                 Soundness::Doubtful
             } else {
                 self.confirm(&packet)?;
+                self.check_configuration()?;
                 packet.soundness()
             };
             let reading = self.reading(
@@ -418,6 +435,7 @@ impl<S: SpiDevice> Icm42688<S> {
                 soundness,
                 missed,
             );
+            self.last_time_stamp = Some(packet.time_stamp);
             self.supervision.reading(now_ns, soundness, missed);
             // At most sixteen into an empty list of sixteen.
             let _ = readings.push(reading);
@@ -464,10 +482,9 @@ impl<S: SpiDevice> Icm42688<S> {
         })
     }
 
-    /// Readings between the last packet and this one: as many as were lost, else by the time stamps.
+    /// Readings between the last one given and this one: as many as were lost, else by the time stamps.
     fn missed(&mut self, time_stamp: u16, lost: Option<u16>) -> Result<u32, Fault> {
-        let before = self.last_time_stamp.replace(time_stamp);
-        let (Some(before), None) = (before, lost) else {
+        let (Some(before), None) = (self.last_time_stamp, lost) else {
             return Ok(lost.map_or(0, u32::from));
         };
         let step = time_stamp.wrapping_sub(before);
@@ -479,6 +496,8 @@ impl<S: SpiDevice> Icm42688<S> {
         let intervals = (elapsed_us + interval_us / 2) / interval_us;
         // The stamps count a clock that is off by some per cent (4.10).
         if intervals == 0 || (intervals * interval_us).abs_diff(elapsed_us) > interval_us / 4 {
+            // The next is held against this one: either may be the wrong one.
+            self.last_time_stamp = Some(time_stamp);
             return Err(Fault::Counter { step });
         }
         Ok(intervals - 1)

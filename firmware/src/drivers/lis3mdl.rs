@@ -1,20 +1,21 @@
 //! ST LIS3MDL: magnetometer.
 //!
-//! | register | address | use | [LIS3MDL], section |
-//! |---|---|---|---|
-//! | WHO_AM_I | 0x0F | 0x3D | 7.1 |
-//! | CTRL_REG1 | 0x20 | performance, rate, test | 7.2 |
-//! | CTRL_REG2 | 0x21 | range, software reset | 7.3 |
-//! | CTRL_REG3 | 0x22 | continuous conversion | 7.4 |
-//! | CTRL_REG4 | 0x23 | performance of z, low byte first | 7.5 |
-//! | CTRL_REG5 | 0x24 | no update between the bytes of a number | 7.6 |
-//! | STATUS_REG | 0x27 | new numbers, overrun | 7.7 |
-//! | OUT_X_L to OUT_Z_H | 0x28 to 0x2D | the field | 7.8 to 7.10 |
+//! | register | address | use |
+//! |---|---|---|
+//! | WHO_AM_I | 0x0F | 0x3D |
+//! | CTRL_REG1 | 0x20 | performance, rate, test |
+//! | CTRL_REG2 | 0x21 | range, software reset |
+//! | CTRL_REG3 | 0x22 | continuous conversion |
+//! | CTRL_REG4 | 0x23 | performance of z, low byte first |
+//! | CTRL_REG5 | 0x24 | no update between the bytes of a number |
+//! | STATUS_REG | 0x27 | new numbers, overrun |
+//! | OUT_X_L to OUT_Z_H | 0x28 to 0x2D | the field |
 //!
-//! Sensitivity: table 3. Test of the sensor: [AN4602], self-test: at 12 gauss the answer to the coil is
-//! between 1 and 3 gauss in x and y, between 0.1 and 1 gauss in z. It needs a field that hardly changes and is
-//! done until it has been passed once. A reading carries no sum, so its registers are read twice and must
-//! be the same: a bit that flipped in one of the two is seen.
+//! Each under its name in the register description of [LIS3MDL]; sensitivity in its magnetic
+//! characteristics. Test of the sensor: [AN4602], self-test: at 12 gauss the answer to the coil is between 1
+//! and 3 gauss in x and y, between 0.1 and 1 gauss in z. It needs a field that hardly changes and is done
+//! until it has been passed once. A reading carries no sum, so its registers are read twice and must be the
+//! same: a bit that flipped in one of the two is seen.
 
 use embedded_hal::spi::SpiDevice;
 
@@ -132,11 +133,7 @@ impl<S: SpiDevice> Lis3mdl<S> {
             }
             _ => {
                 for (register, value) in CONFIGURATION {
-                    let [read] = self.read(register)?;
-                    if read != value {
-                        let read = u16::from(read);
-                        return Err(Fault::Configuration { register, read });
-                    }
+                    self.expect(register, value)?;
                 }
                 // What was measured before the range changed is none of ours.
                 self.field()?;
@@ -145,6 +142,23 @@ impl<S: SpiDevice> Lis3mdl<S> {
             }
         };
         self.supervision.step_done(now_ns, step, wait_ns);
+        Ok(())
+    }
+
+    fn expect(&mut self, register: u8, value: u8) -> Result<(), Fault> {
+        let [read] = self.read(register)?;
+        if read != value {
+            let read = u16::from(read);
+            return Err(Fault::Configuration { register, read });
+        }
+        Ok(())
+    }
+
+    /// Reads one register back: one that changed by itself would be a wrong number.
+    fn check_configuration(&mut self) -> Result<(), Fault> {
+        let (register, value) = self.supervision.to_check(&CONFIGURATION);
+        self.expect(register, value)?;
+        self.supervision.checked();
         Ok(())
     }
 
@@ -203,6 +217,7 @@ impl<S: SpiDevice> Lis3mdl<S> {
         if self.field()? != numbers {
             return Err(Fault::Unconfirmed);
         }
+        self.check_configuration()?;
         if status & OVERRUN != 0 {
             self.supervision.note(Fault::Overrun);
         }

@@ -52,7 +52,8 @@ pub struct InertialReading {
     /// Whether the part itself holds the reading for sound: none of its status bits is set and no axis is
     /// at the end of its numbers.
     pub is_valid: bool,
-    /// Readings that the part made before this one and that nobody read, as its counter says.
+    /// Readings that the part made between the one given before and this one, as its counter says: nobody
+    /// read them, or they were refused.
     pub missed: u32,
 }
 

@@ -60,7 +60,7 @@ pub struct DriverCounters {
     pub readings: u32,
     /// Of these, those that the part does not hold for sound.
     pub invalid: u32,
-    /// Readings that the part made and nobody read, by its own counter.
+    /// Readings that the part made and that were not given, by its own counter.
     pub missed: u32,
     /// Errors of the bus.
     pub bus: u32,
@@ -90,7 +90,7 @@ pub struct DriverCounters {
     pub reset_not_done: u32,
     /// Starts at which the part's test of itself failed.
     pub self_test: u32,
-    /// Starts at which a register or a constant was not as it must be.
+    /// Times that a register or a constant was not as it must be, at a start or while running.
     pub configuration: u32,
 }
 
@@ -148,6 +148,8 @@ pub struct Supervision {
     last_ns: u64,
     interval_ns: u32,
     faults_in_a_row: u8,
+    /// Checks of the configuration since the start.
+    checks: usize,
     counters: DriverCounters,
 }
 
@@ -160,6 +162,7 @@ impl Supervision {
             last_ns: 0,
             interval_ns,
             faults_in_a_row: 0,
+            checks: 0,
             counters: DriverCounters::ZERO,
         }
     }
@@ -205,6 +208,7 @@ impl Supervision {
     pub fn started(&mut self, now_ns: u64) {
         self.phase = Phase::Running;
         self.faults_in_a_row = 0;
+        self.checks = 0;
         count(&mut self.counters.starts, 1);
         self.heard(now_ns);
     }
@@ -227,6 +231,17 @@ impl Supervision {
     /// Counts what went wrong without a reading being lost for it now.
     pub fn note(&mut self, fault: Fault) {
         count(self.counters.of(fault), 1);
+    }
+
+    /// The register of a configuration whose turn it is to be read back while running, and what it must hold.
+    pub fn to_check<A: Copy, const N: usize>(&self, configuration: &[A; N]) -> A {
+        const { assert!(N > 0) };
+        configuration[self.checks % N]
+    }
+
+    /// It holds what it must: the next one's turn.
+    pub fn checked(&mut self) {
+        self.checks = self.checks.wrapping_add(1);
     }
 
     /// Whether no reading came for too long. Each further such span is another fault.

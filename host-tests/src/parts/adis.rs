@@ -111,6 +111,11 @@ impl Adis {
         self.next_sample_ns = self.busy_until_ns + self.interval_ns();
     }
 
+    /// A register changes by itself.
+    pub fn upset(&mut self, address: u8, value: u16) {
+        self.set_word(usize::from(address), value);
+    }
+
     fn word(&self, address: usize) -> u16 {
         u16::from_le_bytes([self.registers[address], self.registers[address + 1]])
     }

@@ -165,6 +165,11 @@ impl Bmp390 {
         (COEFFICIENTS.pressure_pa(pressure + 1, t) - COEFFICIENTS.pressure_pa(pressure, t)).abs()
     }
 
+    /// A register changes by itself.
+    pub fn upset(&mut self, address: u8, value: u8) {
+        self.registers[usize::from(address)] = value;
+    }
+
     fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[0] = 0x60;
@@ -230,9 +235,9 @@ impl Bmp390 {
     }
 
     fn sample(&mut self, time_ns: u64, motion: &Motion) {
-        let (mut pressure, temperature) = raw(motion);
+        let (mut pressure, mut temperature) = raw(motion);
         if self.faults.has(Fault::NoNumber) {
-            pressure = 0x80_0000;
+            (pressure, temperature) = (0x80_0000, 0x80_0000);
         }
         if self.faults.has(Fault::Saturated) {
             pressure = 0;

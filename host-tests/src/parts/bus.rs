@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use embedded_hal::spi::{Error, ErrorKind, ErrorType, Operation, SpiDevice};
 
-use super::{Fault, Part};
+use super::Part;
 
 /// The wires to a part that the test holds as well.
 pub struct Bus<P>(Rc<RefCell<P>>);
@@ -17,7 +17,7 @@ impl<P: Part> Bus<P> {
     }
 }
 
-/// The error of [`Fault::BusError`].
+/// The error of a bus that is at fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError;
 
@@ -34,7 +34,7 @@ impl<P> ErrorType for Bus<P> {
 impl<P: Part> SpiDevice for Bus<P> {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), BusError> {
         let mut part = self.0.borrow_mut();
-        if part.faults().has(Fault::BusError) {
+        if part.faults().is_bus_error() {
             return Err(BusError);
         }
         let mut mosi = Vec::new();

@@ -31,8 +31,13 @@ pub enum Fault {
     AllOnes,
     /// The line from the part is low throughout.
     AllZeros,
-    /// The bus reports an error instead of a transfer.
+    /// The bus reports an error instead of each transfer.
     BusError,
+    /// The bus reports an error instead of this transfer, counted from zero since nothing was wrong.
+    BusErrorOnce {
+        /// Which.
+        transfer: u32,
+    },
     /// The counter or time stamp moves by so many samples too many at each sample.
     SkipCounter {
         /// How many.
@@ -42,6 +47,8 @@ pub enum Fault {
     RepeatCounter,
     /// The test of the sensors fails.
     SelfTestFails,
+    /// A sensor answers the test far too much.
+    SelfTestTooStrong,
     /// The part says that it lost data.
     Overrun,
     /// The part says that a sensor failed.
@@ -107,6 +114,16 @@ impl Faults {
     /// Bits turned so far.
     pub fn flipped(&self) -> u64 {
         self.flipped
+    }
+
+    /// Whether the bus reports an error this time.
+    pub(super) fn is_bus_error(&mut self) -> bool {
+        let transfer = self.transfers;
+        let is_error = self.has(Fault::BusError) || self.has(Fault::BusErrorOnce { transfer });
+        if is_error {
+            self.transfers = transfer.saturating_add(1);
+        }
+        is_error
     }
 
     /// Samples by which the counter moves.

@@ -105,6 +105,11 @@ impl Icm42688 {
         part
     }
 
+    /// A register changes by itself.
+    pub fn upset(&mut self, address: u8, value: u8) {
+        self.banks[0][usize::from(address)] = value;
+    }
+
     fn reset(&mut self) {
         self.banks = [[0; 128]; 5];
         for (address, value) in DEFAULTS {
@@ -255,6 +260,9 @@ impl Icm42688 {
         }
         if self.faults.has(Fault::SelfTestFails) {
             answer[3] *= 0.1;
+        }
+        if self.faults.has(Fault::SelfTestTooStrong) {
+            answer[0] *= 3.0;
         }
         answer
     }

@@ -49,6 +49,11 @@ impl Lis3mdl {
         part
     }
 
+    /// A register changes by itself.
+    pub fn upset(&mut self, address: u8, value: u8) {
+        self.registers[usize::from(address)] = value;
+    }
+
     fn reset(&mut self) {
         self.registers = [0; 128];
         self.registers[WHO_AM_I] = 0x3d;
@@ -102,7 +107,13 @@ impl Lis3mdl {
             let mut gauss = motion.field_s_ut[axis] / 100.0;
             if self.registers[CTRL_REG1] & 0x01 != 0 {
                 let is_dead = axis == 1 && self.faults.has(Fault::SelfTestFails);
-                gauss += if is_dead { 0.1 } else { COIL_GAUSS[axis] };
+                gauss += if is_dead {
+                    0.1
+                } else if self.faults.has(Fault::SelfTestTooStrong) {
+                    3.5
+                } else {
+                    COIL_GAUSS[axis]
+                };
             }
             let mut number = rounded(gauss * lsb_per_gauss, -32_768, 32_767) as i16;
             if self.faults.has(Fault::Saturated) {
