@@ -50,8 +50,8 @@ enum Pending {
     Observations,
     /// Corrected measurements of a scenario folder.
     Corrected,
-    /// Nothing: an epoch was due and the receiver is silent.
-    Silence { time: GpsTime },
+    /// Nothing: an epoch was due and the receiver is silent. The filter goes on without it, to `until`.
+    Silence { time: GpsTime, until: GpsTime },
 }
 
 /// All state of surefix.
@@ -195,6 +195,7 @@ impl Monitor {
                 None
             }
             Event::Imu(sample) => {
+                self.tight.expect(self.rhythm.due());
                 self.tight.on_sample(&sample);
                 self.expect_epoch(sample.time)
             }
@@ -241,23 +242,25 @@ impl Monitor {
         if self.tight.status() == InertialStatus::Off {
             return None;
         }
-        if let Some(due) = self.rhythm.due() {
-            self.tight.remember(due);
-        }
         let time = self.rhythm.sample(now)?;
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
+    }
+
+    /// The epoch due at `time` has not come by `now`. Those after it may still be on their way.
+    fn miss(&mut self, time: GpsTime, now: GpsTime) -> Ready {
+        let until = now.plus_ns(-self.rhythm.latency_ns());
+        self.pending = Pending::Silence { time, until };
+        Ready::Epoch
     }
 
     /// Asks whether an epoch is overdue at `now`, by a clock of whoever runs the monitor: with receiver and
     /// inertial unit both silent no byte comes that could say so. [`Ready::Epoch`] when one is, half an
-    /// interval after it was due: [`Monitor::process`] then reports the silence. Core has no clock of
+    /// interval after it should have arrived: [`Monitor::process`] then reports the silence. Core has no clock of
     /// its own; without this call nothing is said until bytes come again.
     pub fn tick(&mut self, now: GpsTime) -> Option<Ready> {
         let time = self.rhythm.missed(now)?;
         self.tight.hear_nothing(now);
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
     }
 
     /// Assesses the epoch that [`Ready::Epoch`] announced.
@@ -277,7 +280,7 @@ impl Monitor {
         let mut report = match self.pending {
             Pending::Observations => self.process_observations(counter, memory),
             Pending::Corrected => self.process_corrected(counter, memory),
-            Pending::Silence { time } => self.process_silence(time, counter, memory),
+            Pending::Silence { time, until } => self.process_silence(time, until, counter, memory),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
         report.since_first_ns = report.time.ns().wrapping_sub(first_epoch.ns());
@@ -425,6 +428,7 @@ impl Monitor {
     fn process_silence(
         &mut self,
         time: GpsTime,
+        until: GpsTime,
         counter: &mut impl CycleCounter,
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
@@ -437,8 +441,10 @@ impl Monitor {
         }
         let mut meter = Meter::new(counter, begin);
         let tight = match memory {
-            Some(memory) => self.tight.on_silence_with_bank(time, memory, &mut meter),
-            None => self.tight.on_silence(time),
+            Some(memory) => self
+                .tight
+                .on_silence_with_bank(time, until, memory, &mut meter),
+            None => self.tight.on_silence(time, until),
         };
         if let Some(tight) = tight {
             serve(&mut report, &tight);

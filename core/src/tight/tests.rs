@@ -158,11 +158,11 @@ fn the_antenna_of_a_due_epoch_is_kept_until_it_is_told() {
     feed(&mut tight, 1000, 1500);
     tight.remember(at(1000));
     assert_eq!(tight.remembered, Some(then));
-    let told = tight.on_silence(at(1000)).unwrap();
+    let told = tight.on_silence(at(1000), at(1500)).unwrap();
     assert_eq!(told.r_e_m, then.r_e_m);
     assert!(told.used.is_empty() && told.clock_m.iter().all(Option::is_none));
     assert_eq!(tight.navigator.time(), at(1500));
-    assert!(tight.on_silence(at(1000)).is_none());
+    assert!(tight.on_silence(at(1000), at(1500)).is_none());
 }
 
 #[test]
