@@ -17,7 +17,7 @@
 //! | [`raim`] | one-epoch tests, exclusion, slope-based protection levels; ARAIM |
 //! | [`integrity`] | phases of flight, reasons, the verdict, how long an alert lasts |
 //! | [`config`] | what a user chooses before the first byte |
-//! | [`ingest`], [`report`], [`bank_report`], [`satellite_report`], [`sentences`] | checked messages to domain types; verdict, tests of the bank and satellites to output messages; the verdict as NMEA |
+//! | [`ingest`], [`report`], [`bank_report`], [`satellite_report`], [`inertial_report`], [`sentences`] | checked messages to domain types; verdict, tests of the bank, satellites and inertial side to output messages; the verdict as NMEA |
 //! | [`budget`] | the stages of an epoch and what each may cost |
 //! | [`snapshot`] | an epoch alone: solution, tests, exclusion, levels |
 //! | [`tight`] | inertial samples and epochs to a solution of the filter, and when not |
@@ -41,6 +41,7 @@ pub mod consts;
 pub mod ekf;
 pub mod frames;
 pub mod gnss;
+pub mod inertial_report;
 pub mod ingest;
 pub mod ins;
 pub mod integrity;

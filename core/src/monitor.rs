@@ -18,8 +18,14 @@ use crate::config::Config;
 use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use crate::inertial_report::{
+    AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart, UnitState,
+};
 use crate::ingest::{Event, Ingest};
-use crate::ins::{InertialConfig, IntakeCounters};
+use crate::ins::{
+    InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample, PressureSample,
+    UnitSample,
+};
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
     Reason, Verdict, opinion,
@@ -41,6 +47,13 @@ pub enum Ready {
     Epoch,
     /// The sender says that no more bytes come.
     EndOfStream,
+}
+
+/// A receiver's latency beyond [`MAX_LATENCY_NS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatencyTooLong {
+    /// The latency given, ns.
+    pub latency_ns: u32,
 }
 
 /// What [`Ready::Epoch`] announced.
@@ -128,9 +141,24 @@ impl Monitor {
             .config()
             .map_or(Config::PRESET.phase, |config| config.phase);
         self.tight.configure(inertial, &phase.requirements())?;
+        self.tight.expect(self.rhythm.due());
         self.snapshot
             .share_false_alerts(SNAPSHOT_FALSE_ALERT_SHARE)
             .map_err(TightConfigureError::Stats)
+    }
+
+    /// Says how long after its instant an epoch of the receiver arrives at the least, ns. Without it the
+    /// monitor learns it from the epochs that come: it is what a missing epoch is waited for, besides half an
+    /// interval. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`LatencyTooLong`] when the filter's history does not reach back so far; nothing is changed then.
+    pub fn configure_receiver_latency(&mut self, latency_ns: u32) -> Result<(), LatencyTooLong> {
+        if i64::from(latency_ns) > MAX_LATENCY_NS {
+            return Err(LatencyTooLong { latency_ns });
+        }
+        self.rhythm.know_latency(latency_ns.into());
+        Ok(())
     }
 
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
@@ -179,6 +207,12 @@ impl Monitor {
                 self.note_refusal(is_accepted);
                 None
             }
+            Event::ReceiverLatency(latency_ns) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_receiver_latency(latency_ns).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
             Event::ReferenceModel(model) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.tight.follow(&model).is_ok();
@@ -195,9 +229,17 @@ impl Monitor {
                 None
             }
             Event::Imu(sample) => {
-                self.tight.expect(self.rhythm.due());
                 self.tight.on_sample(&sample);
                 self.expect_epoch(sample.time)
+            }
+            Event::UnitSample { unit, sample } => self.on_unit_sample(unit, &sample),
+            Event::Pressure(sample) => {
+                self.on_pressure(&sample);
+                None
+            }
+            Event::MagneticField(sample) => {
+                self.on_magnetic_field(&sample);
+                None
             }
             Event::Ephemeris(ephemeris) => {
                 // What is no orbit leaves its satellite without an ephemeris, a counted reason.
@@ -221,6 +263,7 @@ impl Monitor {
             Event::EpochReady => {
                 self.pending = Pending::Observations;
                 self.rhythm.epoch(self.ingest.epoch().time);
+                self.tight.expect(self.rhythm.due());
                 Some(Ready::Epoch)
             }
             Event::CorrectedEpochReady => {
@@ -230,6 +273,22 @@ impl Monitor {
             Event::EndOfStream => Some(Ready::EndOfStream),
         }
     }
+
+    /// Takes a sample of the inertial unit of this number. The first unit's are used; without a vote the
+    /// others are not.
+    pub fn on_unit_sample(&mut self, unit: u8, sample: &UnitSample) -> Option<Ready> {
+        if unit != 0 || !sample.is_valid {
+            return None;
+        }
+        self.tight.on_sample(&sample.sample);
+        self.expect_epoch(sample.sample.time)
+    }
+
+    /// Takes a sample of a barometer.
+    pub fn on_pressure(&mut self, _sample: &PressureSample) {}
+
+    /// Takes a sample of a magnetometer.
+    pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
 
     fn note_refusal(&mut self, is_accepted: bool) {
         if !is_accepted {
@@ -242,6 +301,7 @@ impl Monitor {
         if self.tight.status() == InertialStatus::Off {
             return None;
         }
+        self.tight.expect(self.rhythm.due());
         let time = self.rhythm.sample(now)?;
         Some(self.miss(time, now))
     }
@@ -547,6 +607,51 @@ impl Monitor {
         }
         satellites.fill(epoch, self.snapshot.workspace(), report);
         true
+    }
+
+    /// The inertial side at the last epoch, of which `report` tells; `None` without an inertial unit, and
+    /// in a scenario folder.
+    pub fn inertial_report(&self, report: &EpochReport) -> Option<InertialReport> {
+        let status = self.tight.status();
+        if status == InertialStatus::Off || self.pending == Pending::Corrected {
+            return None;
+        }
+        let newest = self.tight.intake().last_time();
+        let mut units = [UnitPart::ABSENT; MAX_UNITS];
+        if let Some(first) = units.first_mut() {
+            first.state = match status {
+                InertialStatus::NoSample | InertialStatus::ImuSilent => UnitState::Silent,
+                _ => UnitState::Used,
+            };
+        }
+        Some(InertialReport {
+            time: report.time,
+            alignment: AlignmentPart {
+                mode: self.tight.alignment_mode(),
+                sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
+            },
+            units,
+            timing: TimingPart {
+                lead_of_samples_ns: newest
+                    .map(|newest| newest.ns().saturating_sub(report.time.ns())),
+                latency_ns: self.rhythm.latency_ns(),
+                horizon: self.tight.horizon(),
+                now: self.navigation_now(),
+            },
+        })
+    }
+
+    /// Where the antenna is now, which is the end of the newest inertial sample: the filter's nominal carried
+    /// over the samples that wait for their epoch. Nothing has tested it and no level bounds it; it
+    /// is for a consumer that must act at once. `None` while the filter does not run.
+    pub fn navigation_now(&self) -> Option<NavigationNow> {
+        let at = self.tight.navigation_now()?;
+        Some(NavigationNow {
+            time: at.time,
+            r_e_m: at.r_e_m,
+            v_e_mps: at.v_e_mps,
+            q_e_b: at.q_e_b,
+        })
     }
 
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.

@@ -7,7 +7,7 @@
 //! when they and the epochs were of the same time at the last epoch, and after a leap or a pause when
 //! they have gone on for as long again: an epoch that does come shows which of the two it was.
 
-use crate::tight::MAX_LATENCY_NS;
+use crate::ins::MAX_LATENCY_NS;
 use crate::time::{GpsTime, NS_PER_S};
 
 /// Intervals between epochs that are taken for a rhythm, ns: 20 Hz to one epoch a minute.

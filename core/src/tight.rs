@@ -19,7 +19,8 @@ use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
 use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
 use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
-use crate::ins::alignment::CoarseAlignment;
+use crate::ins::alignment::{AlignmentMode, CoarseAlignment};
+use crate::ins::horizon::Horizon;
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
@@ -42,8 +43,6 @@ mod solution;
 mod start;
 
 use clocks::offset_of;
-use horizon::Horizon;
-pub use horizon::{HorizonState, MAX_LATENCY_NS};
 use recording::RecordingBank;
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
@@ -208,6 +207,8 @@ pub struct TightMonitor {
     untold: Option<InertialStatus>,
     /// The antenna when the next epoch is due.
     remembered: Option<AntennaState<CLOCKS>>,
+    /// Where the attitude that the filter started from came from.
+    alignment_mode: AlignmentMode,
 }
 
 impl TightMonitor {
@@ -240,6 +241,7 @@ impl TightMonitor {
         missing: None,
         untold: None,
         remembered: None,
+        alignment_mode: AlignmentMode::None,
     };
 
     /// An inertial unit is there, in a phase of flight with these requirements.
@@ -313,6 +315,7 @@ impl TightMonitor {
             .map_err(TightConfigureError::Stats)?;
         self.k_fault_free = self.quantiles.fault_free();
         self.reference = Some(*reference);
+        self.expect(None);
         Ok(())
     }
 
@@ -332,6 +335,15 @@ impl TightMonitor {
         self.untold.take().unwrap_or(self.status)
     }
 
+    /// Where the attitude that the filter started from came from.
+    pub const fn alignment_mode(&self) -> AlignmentMode {
+        if self.is_running() {
+            self.alignment_mode
+        } else {
+            AlignmentMode::None
+        }
+    }
+
     /// The intake, with its counters.
     pub const fn intake(&self) -> &Intake {
         &self.intake
@@ -348,6 +360,7 @@ impl TightMonitor {
             self.untold = None;
             // What ends before the state is not carried on from it.
             self.release(state.time);
+            self.alignment_mode = AlignmentMode::Given;
             self.start_with(&config, state);
         }
     }
@@ -495,6 +508,8 @@ impl TightMonitor {
             }
             Some(lead_ns) if lead_ns < -2 * interval_ns => Some(InertialStatus::ImuTime),
             Some(lead_ns) if lead_ns <= MAX_LEAD_NS => None,
+            // All samples so far are of later instants, and wait for the next epoch.
+            None if self.horizon.held().next().is_some() => Some(InertialStatus::NoSample),
             // Most samples came, and are too old for the time that passed.
             _ if goes_on => Some(InertialStatus::ImuTime),
             _ => Some(silence(before, now)),

@@ -202,7 +202,12 @@ impl Worker {
         #[cfg(feature = "real-time")]
         self.acknowledge
             .tell(b'E', &[self.taken, came, begin, board::ticks()]);
-        // Last: nobody waits for it.
+        // Last: nobody waits for them.
+        if let Some(inertial) = self.monitor.inertial_report(&report)
+            && let Ok(length) = inertial.encode(&mut self.frame)
+        {
+            self.send(length);
+        }
         if self.monitor.satellite_report(&report, self.satellites)
             && let Ok(length) = self.satellites.encode(&mut self.frame)
         {

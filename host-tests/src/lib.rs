@@ -7,6 +7,7 @@ pub mod consistency;
 pub mod faults;
 pub mod hybrid;
 pub mod imu;
+pub mod latency;
 pub mod mutate;
 pub mod nmea;
 pub mod output;

@@ -5,6 +5,7 @@
 //! shortest form that reads back exactly.
 
 mod bank;
+mod inertial;
 mod satellites;
 mod track;
 mod xml;
@@ -23,6 +24,7 @@ use surefix_core::time::NS_PER_S;
 use crate::truth::Truth;
 
 pub use bank::{BankColumns, BankSummary, Banks};
+pub use inertial::{INERTIAL_COLUMNS, write_inertial};
 pub use satellites::{SATELLITE_COLUMNS, Satellites, write_satellites};
 pub use track::{write_gpx, write_kml};
 

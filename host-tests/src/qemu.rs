@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use surefix_core::wire::native::{Frame, FrameError, Kind};
+use surefix_core::wire::native::{Frame, FrameError, HEADER_LEN, Kind, TRAILER_LEN};
 
 use crate::nmea::{self, Sentence};
 use crate::replay::Executor;
@@ -27,6 +27,8 @@ use machine::{Acknowledged, Machine, Port};
 
 /// Bytes on their way that the board has not acknowledged: half of its ring, so that it never fills.
 const WINDOW: u64 = 8192;
+/// Bytes of an end-of-stream frame, the last of every stream.
+const END_LENGTH: usize = HEADER_LEN + TRAILER_LEN;
 
 /// How a run is done.
 #[derive(Clone, Copy, Debug)]
@@ -137,6 +139,7 @@ pub fn run(
     let sender = machine::send(
         machine.take(Port::Receiver),
         bytes.to_vec(),
+        &bytes[bytes.len().saturating_sub(END_LENGTH)..],
         options.flow_control.then_some(WINDOW),
         Arc::clone(&acknowledged),
     );

@@ -17,6 +17,7 @@ use serde::Serialize;
 use surefix_core::bank_report::BankReport;
 use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
+use surefix_core::inertial_report::InertialReport;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
@@ -77,6 +78,14 @@ impl Executor for HostExecutor {
                     match sentences::encode(&report, &mut frame) {
                         Ok(length) => output(&frame[..length]),
                         Err(native::Full) => bail!("the sentences of an epoch do not fit"),
+                    }
+                    if let Some(inertial) = monitor.inertial_report(&report) {
+                        match inertial.encode(&mut frame) {
+                            Ok(length) => output(&frame[..length]),
+                            Err(native::Full) => {
+                                bail!("the inertial side of an epoch does not fit its frame")
+                            }
+                        }
                     }
                     if monitor.satellite_report(&report, &mut satellites) {
                         match satellites.encode(&mut frame) {
@@ -146,6 +155,8 @@ pub struct OutputReader {
     pub banks: Vec<Option<Box<BankReport>>>,
     /// The satellites of each report's epoch; `None` where the receiver sent no observations.
     pub satellites: Vec<Option<Box<SatelliteReport>>>,
+    /// The inertial side at each report's epoch; `None` without an inertial unit.
+    pub inertial: Vec<Option<InertialReport>>,
     /// Of the epoch whose report comes next.
     bank: Option<Box<BankReport>>,
     /// NMEA sentences, in order, with their line ends.
@@ -174,6 +185,9 @@ impl OutputReader {
                             .is_ok(),
                         Some(Kind::Satellites) => SatelliteReport::decode(frame.payload())
                             .map(|satellites| self.take_satellites(satellites))
+                            .is_ok_and(|it_fits| it_fits),
+                        Some(Kind::InertialReport) => InertialReport::decode(frame.payload())
+                            .map(|inertial| self.take_inertial(inertial))
                             .is_ok_and(|it_fits| it_fits),
                         Some(Kind::Counters) => Counters::decode(frame.payload())
                             .map(|counters| self.counters = Some(counters))
@@ -208,8 +222,20 @@ impl OutputReader {
         let it_fits = bank.as_ref().is_none_or(|bank| bank.time == report.time);
         self.banks.push(bank.filter(|_| it_fits));
         self.satellites.push(None);
+        self.inertial.push(None);
         self.reports.push(report);
         it_fits
+    }
+
+    /// Takes the inertial side at the epoch whose report came last; tells whether it is of it.
+    fn take_inertial(&mut self, inertial: InertialReport) -> bool {
+        match (self.reports.last(), self.inertial.last_mut()) {
+            (Some(report), Some(place @ None)) if report.time == inertial.time => {
+                *place = Some(inertial);
+                true
+            }
+            _ => false,
+        }
     }
 
     /// Takes the satellites of the epoch whose report came last; tells whether they are of it.
@@ -296,6 +322,8 @@ pub struct ReplayResult {
     pub banks: Vec<Option<Box<BankReport>>>,
     /// The satellites of each, where the receiver sent observations.
     pub satellites: Vec<Option<Box<SatelliteReport>>>,
+    /// The inertial side at each, where there is an inertial unit.
+    pub inertial: Vec<Option<InertialReport>>,
     /// NMEA sentences, four per epoch.
     pub sentences: String,
     /// Error of each, east, north, up, m.
@@ -465,6 +493,7 @@ pub fn run(
         reports: reader.reports,
         banks: reader.banks,
         satellites: reader.satellites,
+        inertial: reader.inertial,
         sentences: reader.sentences,
         errors_enu_m,
         summary,
@@ -527,9 +556,10 @@ pub fn make_directory(directory: &Path) -> Result<()> {
 }
 
 /// Everything [`write`] may write.
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "epochs.csv",
     "satellites.csv",
+    "inertial.csv",
     "sentences.nmea",
     "errors.csv",
     "summary.json",
@@ -538,7 +568,7 @@ const FILES: [&str; 8] = [
     "report.html",
 ];
 
-/// Writes `epochs.csv`, `satellites.csv`, `sentences.nmea`, `errors.csv` (with a truth), `summary.json`, `track.kml`, `track.gpx`
+/// Writes `epochs.csv`, `satellites.csv`, `inertial.csv` (with a unit), `sentences.nmea`, `errors.csv` (with a truth), `summary.json`, `track.kml`, `track.gpx`
 /// and `report.html` into `directory`, in place of those of an earlier replay.
 ///
 /// # Errors
@@ -574,6 +604,11 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
     create("satellites.csv", &|file| {
         output::write_satellites(file, reports, &result.satellites)
     })?;
+    if result.inertial.iter().any(Option::is_some) {
+        create("inertial.csv", &|file| {
+            output::write_inertial(file, reports, &result.inertial)
+        })?;
+    }
     create("track.kml", &|file| output::write_kml(file, &name, reports))?;
     create("track.gpx", &|file| output::write_gpx(file, &name, reports))?;
     put("sentences.nmea", &result.sentences)?;

@@ -22,9 +22,13 @@ use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
-    encode_klobuchar, encode_observations, encode_reference_model,
+    encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
+    encode_receiver_latency, encode_reference_model, encode_unit_sample,
 };
-use surefix_core::ins::{ImuSample, InertialConfig, InitialState, ReferenceModel};
+use surefix_core::ins::{
+    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
+    UnitSample,
+};
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::crc::crc24q;
@@ -56,6 +60,14 @@ pub enum FilterInput {
     Unit(Box<InertialConfig>),
     /// An inertial sample.
     Sample(ImuSample),
+    /// A sample of the unit of a number.
+    UnitSample(u8, UnitSample),
+    /// A sample of a barometer.
+    Pressure(PressureSample),
+    /// A sample of a magnetometer.
+    MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    Latency(u32),
     /// A state to start from.
     State(Box<InitialState>),
     /// The requirements of a scenario.
@@ -402,7 +414,17 @@ fn decode_frames(
             Event::Inertial(unit) => {
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
             }
+            Event::ReceiverLatency(latency_ns) => {
+                items.push(Item::ForFilter(FilterInput::Latency(latency_ns)));
+            }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
+            Event::UnitSample { unit, sample } => {
+                items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
+            }
+            Event::Pressure(sample) => items.push(Item::ForFilter(FilterInput::Pressure(sample))),
+            Event::MagneticField(sample) => {
+                items.push(Item::ForFilter(FilterInput::MagneticField(sample)));
+            }
             Event::InitialState(state) => {
                 items.push(Item::ForFilter(FilterInput::State(Box::new(state))));
             }
@@ -434,16 +456,27 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
             ephemeris.toc = ephemeris.toc.plus_ns(ns);
         }
         Item::Epoch(epoch) => epoch.time = epoch.time.plus_ns(ns),
-        Item::ForFilter(FilterInput::Sample(sample)) => {
+        Item::ForFilter(input) => {
+            let time = match input {
+                FilterInput::Sample(sample) => &mut sample.time,
+                FilterInput::UnitSample(_, sample) => &mut sample.sample.time,
+                FilterInput::Pressure(sample) => &mut sample.time,
+                FilterInput::MagneticField(sample) => &mut sample.time,
+                // What has no time, or one that no receiver gave.
+                FilterInput::Unit(_)
+                | FilterInput::Latency(_)
+                | FilterInput::State(_)
+                | FilterInput::Model(_)
+                | FilterInput::Corrected(_) => return,
+            };
             // One from before the first epoch has the week its sender gave it.
             let apart = |time: GpsTime| time.ns().abs_diff(present.ns());
-            let moved = sample.time.plus_ns(ns);
-            if apart(moved) < apart(sample.time) {
-                sample.time = moved;
+            let moved = time.plus_ns(ns);
+            if apart(moved) < apart(*time) {
+                *time = moved;
             }
         }
-        // What has no time, or one that no receiver gave.
-        Item::Klobuchar(_) | Item::ForFilter(_) => {}
+        Item::Klobuchar(_) => {}
     }
 }
 
@@ -533,6 +566,10 @@ impl FrameWriter {
             Item::ForFilter(input) => self.append(|out| match input {
                 FilterInput::Unit(unit) => encode_inertial(&unit, out),
                 FilterInput::Sample(sample) => encode_imu(&sample, out),
+                FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
+                FilterInput::Pressure(sample) => encode_pressure(&sample, out),
+                FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
+                FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
                 FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
@@ -576,7 +613,11 @@ pub fn stream(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
+        if imu.receiver_latency_ns > 0 {
+            writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
+        }
     }
+    let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));
     let mut pending = imu.map(|imu| Pending::new(&imu.samples));
     let raw = rinex::read_unzipped(gnss)?;
     let format = recognise(&raw, gnss)?;
@@ -588,7 +629,9 @@ pub fn stream(
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
-            Some(pending) => imu::interleave(&raw, config, pending, &mut writer.bytes)?,
+            Some(pending) => {
+                imu::interleave(&raw, config, pending, |_| latency_ns, &mut writer.bytes)?;
+            }
             None => writer.bytes.extend_from_slice(&raw),
         }
         let is_padded = info.losses.contains_key("cut_off_frames");
@@ -608,7 +651,7 @@ pub fn stream(
         has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
-            pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
+            pending.release_until(epoch.time, latency_ns, flags.week_unknown, &mut |sample| {
                 writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
             });
         }

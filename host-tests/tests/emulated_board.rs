@@ -187,8 +187,7 @@ fn a_full_ring_is_counted_and_the_decoder_finds_its_way_back() {
         return;
     };
     let whole = stream(&simulated());
-    // Without flow control the ring fills while the worker dawdles. What finds room comes in runs of
-    // the worker's 256 bytes, so among many ends of the stream one arrives whole.
+    // Without flow control the ring fills while the worker dawdles.
     let options = Options {
         flow_control: false,
         ..Options::default()

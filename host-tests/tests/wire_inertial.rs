@@ -12,7 +12,8 @@ use surefix_core::ingest::{
 };
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
+    InitialState, MagneticSample, MeasurementFactors, PressureSample, ReferenceModel, SensorRange,
+    UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::Counters;
@@ -123,6 +124,34 @@ fn initial_state() -> impl Strategy<Value = InitialState> {
     )
 }
 
+fn unit_sample() -> impl Strategy<Value = (u8, UnitSample)> {
+    let temperature = proptest::option::of(-200.0..200.0_f32);
+    (0..3_u8, sample(), any::<bool>(), temperature).prop_map(
+        |(unit, sample, is_valid, temperature_c)| {
+            let sample = UnitSample {
+                sample,
+                is_valid,
+                temperature_c,
+            };
+            (unit, sample)
+        },
+    )
+}
+
+fn pressure() -> impl Strategy<Value = PressureSample> {
+    (time(), 50.0..150_000.0, -200.0..200.0).prop_map(|(time, pressure_pa, temperature_c)| {
+        PressureSample {
+            time,
+            pressure_pa,
+            temperature_c,
+        }
+    })
+}
+
+fn magnetic_field() -> impl Strategy<Value = MagneticSample> {
+    (time(), three(6e3)).prop_map(|(time, field_s_ut)| MagneticSample { time, field_s_ut })
+}
+
 fn reference_model() -> impl Strategy<Value = ReferenceModel> {
     (
         proptest::array::uniform3(1e-12..0.999),
@@ -229,11 +258,17 @@ proptest! {
         config in config(),
         state in initial_state(),
         model in reference_model(),
+        unit in unit_sample(),
+        pressure in pressure(),
+        field in magnetic_field(),
         change in any::<(usize, u8)>(),
     ) {
         check(&sample, Kind::Imu, ingest::encode_imu, ingest::decode_imu, change)?;
         check(&config, Kind::Inertial, ingest::encode_inertial, ingest::decode_inertial, change)?;
         check(&state, Kind::InitialState, ingest::encode_initial_state, ingest::decode_initial_state, change)?;
+        check(&unit, Kind::UnitSample, |of, out| ingest::encode_unit_sample(of.0, &of.1, out), ingest::decode_unit_sample, change)?;
+        check(&pressure, Kind::Pressure, ingest::encode_pressure, ingest::decode_pressure, change)?;
+        check(&field, Kind::MagneticField, ingest::encode_magnetic_field, ingest::decode_magnetic_field, change)?;
         check(&model, Kind::ReferenceModel, ingest::encode_reference_model, ingest::decode_reference_model, change)?;
     }
 

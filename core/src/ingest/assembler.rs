@@ -1,10 +1,12 @@
 //! Messages to epochs.
 
+use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
+use super::latency::decode_receiver_latency;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
@@ -520,6 +522,25 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::Imu(sample))
             }
+            Some(Kind::UnitSample) => {
+                let (unit, mut sample) = decode_unit_sample(frame.payload())?;
+                count(&mut counters.imu_samples);
+                sample.sample.time = self.weeks.resolve_sample(sample.sample.time);
+                Outcome::UsedGives(Event::UnitSample { unit, sample })
+            }
+            Some(Kind::Pressure) => {
+                let mut sample = decode_pressure(frame.payload())?;
+                sample.time = self.weeks.resolve_sample(sample.time);
+                Outcome::UsedGives(Event::Pressure(sample))
+            }
+            Some(Kind::MagneticField) => {
+                let mut sample = decode_magnetic_field(frame.payload())?;
+                sample.time = self.weeks.resolve_sample(sample.time);
+                Outcome::UsedGives(Event::MagneticField(sample))
+            }
+            Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
+                decode_receiver_latency(frame.payload())?,
+            )),
             Some(Kind::InitialState) => {
                 Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))
             }
@@ -531,7 +552,12 @@ impl Assembler {
                 decode_reference_model(frame.payload())?,
             )),
             Some(
-                Kind::Report | Kind::Counters | Kind::OutputInvalid | Kind::Bank | Kind::Satellites,
+                Kind::Report
+                | Kind::Counters
+                | Kind::OutputInvalid
+                | Kind::Bank
+                | Kind::Satellites
+                | Kind::InertialReport,
             )
             | None => {
                 count(&mut counters.native_unknown_kind);

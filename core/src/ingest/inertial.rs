@@ -87,12 +87,14 @@ fn positive(value: f64, limit: f64) -> Result<f64, PayloadError> {
 /// # Errors
 /// [`Full`] when `out` is shorter.
 pub fn encode_imu(sample: &ImuSample, out: &mut [u8]) -> Result<usize, Full> {
-    native::encode(Kind::Imu, out, |w| {
-        w.put_i64(sample.time.ns())?;
-        w.put_u32(sample.interval_ns)?;
-        put_all(w, &sample.dtheta_is_s_rad)?;
-        put_all(w, &sample.dv_is_s_mps)
-    })
+    native::encode(Kind::Imu, out, |w| put_imu_fields(sample, w))
+}
+
+pub(super) fn put_imu_fields(sample: &ImuSample, w: &mut Writer<'_>) -> Result<(), Full> {
+    w.put_i64(sample.time.ns())?;
+    w.put_u32(sample.interval_ns)?;
+    put_all(w, &sample.dtheta_is_s_rad)?;
+    put_all(w, &sample.dv_is_s_mps)
 }
 
 /// Reads an inertial sample from a payload. Its increments may be no numbers.
@@ -101,7 +103,13 @@ pub fn encode_imu(sample: &ImuSample, out: &mut [u8]) -> Result<usize, Full> {
 /// [`PayloadError`]: wrong length, a time outside the weeks there are, an interval of 0 or over 1 s.
 pub fn decode_imu(payload: &[u8]) -> Result<ImuSample, PayloadError> {
     let mut r = Reader::new(payload);
-    let time = time(&mut r)?;
+    let sample = decode_imu_fields(&mut r)?;
+    end(&r)?;
+    Ok(sample)
+}
+
+pub(super) fn decode_imu_fields(r: &mut Reader<'_>) -> Result<ImuSample, PayloadError> {
+    let time = time(r)?;
     let interval_ns = r.u32()?;
     if interval_ns == 0 || interval_ns > MAX_SAMPLE_INTERVAL_NS {
         let value = interval_ns.into();
@@ -120,7 +128,6 @@ pub fn decode_imu(payload: &[u8]) -> Result<ImuSample, PayloadError> {
     {
         *value = f64::from_bits(r.u64()?);
     }
-    end(&r)?;
     Ok(sample)
 }
 

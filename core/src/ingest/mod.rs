@@ -8,20 +8,27 @@
 //! Corrected epochs are put together by themselves. Layouts of native payloads:
 //! docs/native-frame.md.
 
+mod aiding;
 mod assembler;
 mod convert;
 mod corrected;
 mod inertial;
+mod latency;
 mod payload;
 mod week;
 
 use assembler::{Assembler, Outcome};
 
+pub use aiding::{
+    UNIT_SAMPLE_FRAME_LENGTH, decode_magnetic_field, decode_pressure, decode_unit_sample,
+    encode_magnetic_field, encode_pressure, encode_unit_sample,
+};
 pub use inertial::{
     CorrectedGroup, IMU_FRAME_LENGTH, MAX_CORRECTED_EPOCH_BYTES, decode_imu, decode_inertial,
     decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
     encode_inertial, encode_initial_state, encode_reference_model,
 };
+pub use latency::{decode_receiver_latency, encode_receiver_latency};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
@@ -30,7 +37,10 @@ pub use payload::{
 
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch};
-use crate::ins::{ImuSample, InertialConfig, InitialState, ReferenceModel};
+use crate::ins::{
+    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
+    UnitSample,
+};
 use crate::wire::{Counters, Scanner};
 
 /// What bytes turned out to mean.
@@ -58,6 +68,19 @@ pub enum Event {
     Inertial(InertialConfig),
     /// An inertial sample. Its increments may be no numbers.
     Imu(ImuSample),
+    /// A sample of the inertial unit of this number. Its increments may be no numbers.
+    UnitSample {
+        /// Number of the unit, below [`crate::ins::MAX_UNITS`].
+        unit: u8,
+        /// The sample.
+        sample: UnitSample,
+    },
+    /// A sample of a barometer.
+    Pressure(PressureSample),
+    /// A sample of a magnetometer.
+    MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    ReceiverLatency(u32),
     /// A state to start from.
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.

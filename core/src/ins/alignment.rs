@@ -38,6 +38,40 @@ const MAX_UNCOVERED: f64 = 0.05;
 /// The two specific forces may differ in length by this, m/s²: a tenth of gravity.
 pub const MAX_FORCE_DIFFERENCE_MPS2: f64 = 1.0;
 
+/// Where an attitude came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum AlignmentMode {
+    /// There is none.
+    None = 0,
+    /// It was given.
+    Given = 1,
+    /// Roll and pitch from the specific force, heading from the course over ground.
+    Course = 2,
+    /// Kept from before tight mode ended.
+    Kept = 3,
+}
+
+impl AlignmentMode {
+    /// All, in the order of their numbers.
+    pub const ALL: [Self; 4] = [Self::None, Self::Given, Self::Course, Self::Kept];
+
+    /// The mode of a number in a frame.
+    pub fn from_u8(number: u8) -> Option<Self> {
+        Self::ALL.get(usize::from(number)).copied()
+    }
+
+    /// Name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Given => "given",
+            Self::Course => "course",
+            Self::Kept => "kept",
+        }
+    }
+}
+
 /// Why there is no attitude yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NotAligned {
@@ -93,6 +127,14 @@ impl CoarseAlignment {
         dv_b: ZERO,
         covered_s: 0.0,
     };
+
+    /// Where its attitudes come from.
+    pub const fn mode(&self) -> AlignmentMode {
+        match self.start {
+            AttitudeStart::Course { .. } => AlignmentMode::Course,
+            AttitudeStart::Given { .. } => AlignmentMode::Given,
+        }
+    }
 
     /// Begins anew.
     pub fn configure(&mut self, start: &AttitudeStart) {

@@ -4,16 +4,22 @@
 //! Frames: i inertial, e ECEF, b body (forward, right, down), s the axes of the inertial unit as it is
 //! mounted.
 
+pub mod aiding;
 pub mod alignment;
 pub mod gravity;
+pub(crate) mod horizon;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
+pub mod unit;
 
+pub use aiding::{MagneticSample, PressureSample};
 pub use alignment::{CoarseAlignment, NotAligned};
+pub use horizon::{HorizonState, MAX_LATENCY_NS};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
+pub use unit::{MAX_UNITS, UnitSample};

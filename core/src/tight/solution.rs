@@ -69,6 +69,21 @@ impl TightMonitor {
     }
 }
 
+impl TightMonitor {
+    /// One sigma of the attitude about local north, east, down, rad, while the filter runs.
+    pub fn sigma_attitude_ned_rad(&self) -> Option<[f64; 3]> {
+        if !self.is_running() {
+            return None;
+        }
+        let r_e = self.navigator.mechanisation().r_eb_e;
+        let llh = geodesy::to_llh(&r_e).ok()?;
+        let c_e_n = rotation::c_e_n(llh.lat_rad, llh.lon_rad);
+        let p = symmetric(&self.navigator.filter().block(ATTITUDE));
+        let [[n, ..], [_, e, _], [.., d]] = (c_e_n.transpose() * p * c_e_n).into();
+        Some([libm::sqrt(n), libm::sqrt(e), libm::sqrt(d)])
+    }
+}
+
 pub(super) fn symmetric(s: &Symmetric) -> Matrix3<f64> {
     let [xx, xy, xz, yy, yz, zz] = *s;
     Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::frames::{geodesy, rotation};
 use crate::ins::InitialState;
-use crate::ins::alignment::NotAligned;
+use crate::ins::alignment::{AlignmentMode, NotAligned};
 use crate::integrity::InertialStatus;
 use crate::time::GpsTime;
 
@@ -38,6 +38,7 @@ impl TightMonitor {
         let r_e = Vector3::from(solution.r_e_m);
         let v_enu = solution.velocity_enu_mps.map(Vector3::from);
         let mut config = config;
+        let mut mode = self.alignment.mode();
         let q_e_b = match self.alignment.epoch(time, &r_e, v_enu.as_ref()) {
             Ok(q_e_b) => q_e_b,
             // Standing or nearly so: the attitude is about what it was.
@@ -46,6 +47,7 @@ impl TightMonitor {
                     return;
                 };
                 config.sigma.attitude_ned_rad = RESTART_SIGMA_NED_RAD;
+                mode = AlignmentMode::Kept;
                 q_e_b
             }
             Err(_) => return,
@@ -74,6 +76,7 @@ impl TightMonitor {
                 config.sigma.position_m = level_m / LEVEL_SIGMAS;
             }
         }
+        self.alignment_mode = mode;
         self.start_with(
             &config,
             &InitialState {

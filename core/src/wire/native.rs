@@ -58,6 +58,14 @@ pub enum Kind {
     CorrectedObservations = 9,
     /// The requirements of a scenario, into the monitor.
     ReferenceModel = 10,
+    /// A sample of one of several inertial units, into the monitor.
+    UnitSample = 11,
+    /// A sample of a barometer, into the monitor.
+    Pressure = 12,
+    /// A sample of a magnetometer, into the monitor.
+    MagneticField = 13,
+    /// How late the receiver's epochs arrive, into the monitor.
+    ReceiverLatency = 34,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -68,6 +76,8 @@ pub enum Kind {
     Bank = 19,
     /// The satellites of an epoch, after its report.
     Satellites = 20,
+    /// The inertial side at an epoch, after its report.
+    InertialReport = 21,
 }
 
 impl Kind {
@@ -84,11 +94,16 @@ impl Kind {
             8 => Self::InitialState,
             9 => Self::CorrectedObservations,
             10 => Self::ReferenceModel,
+            11 => Self::UnitSample,
+            12 => Self::Pressure,
+            13 => Self::MagneticField,
+            34 => Self::ReceiverLatency,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,
             19 => Self::Bank,
             20 => Self::Satellites,
+            21 => Self::InertialReport,
             _ => return None,
         })
     }

@@ -264,15 +264,26 @@ impl Sender {
     }
 }
 
+/// How long the board takes nothing before a stream without flow control counts as told.
+const QUIET: Duration = Duration::from_millis(500);
+/// Ends of a stream sent together: more bytes than the frame of a receiver that was cut off still waits
+/// for, fewer than the ring has room for.
+const ENDS: usize = 400;
+
 /// Sends `bytes`, at most `window` of them ahead of the acknowledgements.
+///
+/// Without a window the board loses what its ring has no room for, and that may be the end of the stream:
+/// `end`, a frame, is sent again each time that the board has been quiet.
 pub fn send(
     mut stream: UnixStream,
     bytes: Vec<u8>,
+    end: &[u8],
     window: Option<u64>,
     acknowledged: Arc<Acknowledged>,
 ) -> Sender {
     let sent = Arc::new(AtomicU64::new(0));
     let counter = Arc::clone(&sent);
+    let ends = end.repeat(ENDS);
     thread::spawn(move || {
         let mut rest = bytes.as_slice();
         let mut done = 0;
@@ -293,8 +304,18 @@ pub fn send(
             done += count as u64;
             counter.store(done, Ordering::Relaxed);
         }
+        let mut taken = acknowledged.bytes();
         // Keeps the UART connected until the machine goes.
-        let _ = stream.read(&mut [0]);
+        let _ = stream.set_read_timeout(window.is_none().then_some(QUIET));
+        while let Err(error) = stream.read(&mut [0]) {
+            if !matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) {
+                return;
+            }
+            let before = std::mem::replace(&mut taken, acknowledged.bytes());
+            if taken == before && stream.write_all(&ends).is_err() {
+                return;
+            }
+        }
     });
     Sender { sent }
 }

@@ -10,10 +10,13 @@ use surefix_core::gnss::{
     BroadcastIonosphere, CorrectedEpoch, EphemerisStore, KlobucharParameters, ObservationEpoch,
     Satellite, SatelliteSet, System,
 };
+use surefix_core::inertial_report::{InertialReport, UnitState};
 use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
+use surefix_core::ins::alignment::AlignmentMode;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, MeasurementFactors, ReferenceModel, SensorRange,
+    InitialState, MagneticSample, MeasurementFactors, PressureSample, ReferenceModel, SensorRange,
+    UnitSample,
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
@@ -236,6 +239,42 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(BankReport::decode, bytes);
 
     let report = Monitor::process(black_box(&mut monitor), &mut NoCounter);
+    let inertial = Monitor::inertial_report(black_box(&monitor), black_box(&report));
+    if let Some(inertial) = inertial {
+        call2(InertialReport::encode, &inertial, out);
+        call1(AlignmentMode::name, inertial.alignment.mode);
+        if let Some(unit) = inertial.units.first() {
+            call1(UnitState::name, unit.state);
+        }
+    }
+    call1(InertialReport::decode, bytes);
+    call1(AlignmentMode::from_u8, 1);
+    call1(UnitState::from_u8, 1);
+    let sample = UnitSample {
+        sample: SAMPLE,
+        is_valid: true,
+        temperature_c: None,
+    };
+    call3(Monitor::on_unit_sample, &mut monitor, 0, &sample);
+    let time = SAMPLE.time;
+    let pressure = PressureSample {
+        time,
+        pressure_pa: 1e5,
+        temperature_c: 20.0,
+    };
+    call2(Monitor::on_pressure, &mut monitor, &pressure);
+    let field = MagneticSample {
+        time,
+        field_s_ut: [20.0, 0.0, 40.0],
+    };
+    call2(Monitor::on_magnetic_field, &mut monitor, &field);
+    call3(ingest::encode_unit_sample, 0, &sample, out);
+    call2(ingest::encode_pressure, &pressure, out);
+    call2(ingest::encode_magnetic_field, &field, out);
+    call1(ingest::decode_unit_sample, bytes);
+    call1(ingest::decode_pressure, bytes);
+    call1(ingest::decode_magnetic_field, bytes);
+
     let mut satellites = SatelliteReport::EMPTY;
     call3(
         Monitor::satellite_report,
@@ -276,6 +315,8 @@ fn tight() {
     );
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
+    call1(TightMonitor::alignment_mode, &tight);
+    call1(TightMonitor::sigma_attitude_ned_rad, &tight);
     call1(TightMonitor::intake, &tight);
     call1(TightMonitor::navigator, &tight);
     call1(TightMonitor::bank, &tight);

@@ -51,6 +51,7 @@ pub fn all(config: &InertialConfig, state: &InitialState, sample: &ImuSample) {
         Some(vector),
     );
     call1(CoarseAlignment::restart, &mut alignment);
+    call1(CoarseAlignment::mode, &alignment);
 }
 
 fn rotations() {
