@@ -194,6 +194,79 @@ mod tests {
         assert_eq!(run(&mut rhythm, 14_000, 15_400, &[14_100]), []);
     }
 
+    /// The same; the epochs come so many milliseconds after their instants.
+    fn run_late(
+        rhythm: &mut Rhythm,
+        from: i64,
+        to: i64,
+        epochs: &[i64],
+        late: i64,
+    ) -> Vec<(i64, i64)> {
+        let mut told = Vec::new();
+        for now in (from + 10..=to).step_by(10) {
+            if let Some(due) = rhythm.sample(at(now)) {
+                told.push(((due.ns() - at(0).ns()) / 1_000_000, now));
+            }
+            if epochs.contains(&(now - late)) {
+                rhythm.epoch(at(now - late));
+            }
+        }
+        told
+    }
+
+    /// INT-127.
+    #[test]
+    fn int_127_a_receiver_that_is_late_is_missed_later_by_its_latency() {
+        for late in [50, 300, 400] {
+            let mut rhythm = Rhythm::UNKNOWN;
+            let told = run_late(&mut rhythm, 0, 14_000, &TEN, late);
+            let expected = [11_000, 12_000, 13_000].map(|due| (due, due + 500 + late));
+            let before_end = expected.into_iter().filter(|(_, when)| *when <= 14_000);
+            assert!(told.into_iter().eq(before_end), "{late}");
+        }
+        // Told beforehand: nothing needs to be learnt.
+        let mut rhythm = Rhythm::UNKNOWN;
+        rhythm.know_latency(200_000_000);
+        run(&mut rhythm, 0, 10_000, &TEN);
+        let told = run(&mut rhythm, 10_000, 12_000, &[]);
+        assert_eq!(told, [(11_000, 11_700)]);
+    }
+
+    /// INT-127.
+    #[test]
+    fn int_127_a_latency_that_was_seen_once_is_forgotten_in_half_a_minute() {
+        let mut rhythm = Rhythm::UNKNOWN;
+        run(&mut rhythm, 0, 10_000, &TEN);
+        run_late(&mut rhythm, 10_000, 11_990, &[11_000], 300);
+        assert_eq!(rhythm.latency_ns(), 300_000_000);
+        let on_time: Vec<i64> = (12_000..=60_000).step_by(1000).collect();
+        let mut last_ns = rhythm.latency_ns();
+        for second in 11..60 {
+            let from = 1000 * second + 990;
+            run(&mut rhythm, from, from + 1000, &on_time);
+            let now_ns = rhythm.latency_ns();
+            assert!(last_ns - now_ns <= FORGOTTEN_NS_PER_S, "{second}");
+            last_ns = now_ns;
+        }
+        assert_eq!(last_ns, 0);
+        // No epoch is waited for longer than it could be used.
+        run_late(&mut rhythm, 60_990, 63_000, &[62_000], 800);
+        assert_eq!(rhythm.latency_ns(), MAX_LATENCY_NS);
+        rhythm.know_latency(i64::MAX);
+        assert_eq!(rhythm.latency_ns(), MAX_LATENCY_NS);
+    }
+
+    /// A tenth of a second between epochs, three of which are told missing before they come.
+    #[test]
+    fn what_was_told_missing_is_not_told_again_when_it_comes_at_last() {
+        let mut rhythm = Rhythm::UNKNOWN;
+        let epochs: Vec<i64> = (100..=2000).step_by(100).collect();
+        assert_eq!(run(&mut rhythm, 0, 2000, &epochs), []);
+        let late: Vec<i64> = (2100..=4000).step_by(100).collect();
+        let told = run_late(&mut rhythm, 2000, 4000, &late, 300);
+        assert_eq!(told, [(2100, 2150), (2200, 2250), (2300, 2350)]);
+    }
+
     #[test]
     fn one_gap_and_one_epoch_out_of_turn_are_no_rhythm() {
         for stranger in [10_100, 10_900] {

@@ -141,6 +141,7 @@ pub struct Erring {
 }
 
 /// What a monitor said.
+#[derive(Clone, Debug)]
 pub struct Said {
     /// The reports.
     pub reports: Vec<EpochReport>,
