@@ -24,7 +24,7 @@ use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
     encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
-    encode_reference_model, encode_unit_sample,
+    encode_receiver_latency, encode_reference_model, encode_unit_sample,
 };
 use surefix_core::ins::{
     ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
@@ -68,6 +68,8 @@ pub enum FilterInput {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    Latency(u32),
     /// A state to start from.
     State(Box<InitialState>),
     /// The requirements of a scenario.
@@ -428,6 +430,9 @@ fn decode_frames(
             Event::Inertial(unit) => {
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
             }
+            Event::ReceiverLatency(latency_ns) => {
+                items.push(Item::ForFilter(FilterInput::Latency(latency_ns)));
+            }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
@@ -476,6 +481,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
+                | FilterInput::Latency(_)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -584,6 +590,7 @@ impl FrameWriter {
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
+                FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
                 FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
@@ -643,7 +650,11 @@ pub fn stream_with(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
+        if imu.receiver_latency_ns > 0 {
+            writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
+        }
     }
+    let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));
     let mut pending = imu.map(|imu| Pending::new(&imu.samples));
     let raw = fixes::read(gnss, config, fixes)?;
     let format = recognise(&raw, gnss)?;
@@ -655,7 +666,9 @@ pub fn stream_with(
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
-            Some(pending) => imu::interleave(&raw, config, pending, &mut writer.bytes)?,
+            Some(pending) => {
+                imu::interleave(&raw, config, pending, |_| latency_ns, &mut writer.bytes)?;
+            }
             None => writer.bytes.extend_from_slice(&raw),
         }
         let is_padded = info.losses.contains_key("cut_off_frames");
@@ -675,7 +688,7 @@ pub fn stream_with(
         has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
-            pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
+            pending.release_until(epoch.time, latency_ns, flags.week_unknown, &mut |sample| {
                 writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
             });
         }

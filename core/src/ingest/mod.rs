@@ -13,6 +13,7 @@ mod assembler;
 mod convert;
 mod corrected;
 mod inertial;
+mod latency;
 mod payload;
 mod receiver_fix;
 mod week;
@@ -28,6 +29,7 @@ pub use inertial::{
     decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
     encode_inertial, encode_initial_state, encode_reference_model,
 };
+pub use latency::{decode_receiver_latency, encode_receiver_latency};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
@@ -81,6 +83,8 @@ pub enum Event {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    ReceiverLatency(u32),
     /// A state to start from.
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.
