@@ -20,8 +20,10 @@ use crate::gnss::solution::SATELLITE_REASONS;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
 use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState};
 use crate::ingest::{Event, Ingest};
+use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample, PressureSample, UnitSample,
+    InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample, Magnetometer, PressureSample,
+    UnitSample,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -136,6 +138,18 @@ impl Monitor {
             .map_err(TightConfigureError::Stats)
     }
 
+    /// Adds a magnetometer, whose field gives a heading. A frame in the stream does the same, until the first
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`MagnetometerError`]; there is then none.
+    pub fn configure_magnetometer(
+        &mut self,
+        magnetometer: &Magnetometer,
+    ) -> Result<(), MagnetometerError> {
+        self.tight.configure_magnetometer(magnetometer)
+    }
+
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
     /// used. Call again with the rest.
     #[inline(never)]
@@ -179,6 +193,12 @@ impl Monitor {
             Event::Inertial(config) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_inertial(&config).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Magnetometer(magnetometer) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_magnetometer(&magnetometer).is_ok();
                 self.note_refusal(is_accepted);
                 None
             }
@@ -256,7 +276,9 @@ impl Monitor {
     pub fn on_pressure(&mut self, _sample: &PressureSample) {}
 
     /// Takes a sample of a magnetometer.
-    pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
+    pub fn on_magnetic_field(&mut self, sample: &MagneticSample) {
+        self.tight.on_field(sample);
+    }
 
     fn note_refusal(&mut self, is_accepted: bool) {
         if !is_accepted {
@@ -370,6 +392,7 @@ impl Monitor {
         let verdict = assessment.verdict;
         let tested = TestedSolution::new(&assessment);
         let mut meter = Meter::new(counter, epoch_begin);
+        self.tight.note_prediction(epoch.time);
         let tight = match memory {
             Some(memory) => self.tight.on_epoch_with_bank(
                 epoch.time,
@@ -387,7 +410,8 @@ impl Monitor {
                 tested.as_ref(),
             ),
         };
-        if with_bank && tight.is_some() {
+        let sigma_velocity_enu_mps = self.tight.velocity_sigma_enu_mps(self.snapshot.workspace());
+        if with_bank && tight.is_some() && self.tight.has_earned() {
             self.readmission
                 .adopt(readmission::union(self.tight.excluded(), named));
         }
@@ -402,7 +426,14 @@ impl Monitor {
                     }
                     _ => true,
                 };
-                if serves {
+                let is_told = serves
+                    && self.tight.earn(
+                        epoch.time,
+                        tight,
+                        tested.as_ref(),
+                        &sigma_velocity_enu_mps,
+                    );
+                if is_told {
                     let opinion = self.tight.opinion().filter(|_| with_bank);
                     report.verdict = match opinion {
                         Some(bank) => {
@@ -416,7 +447,9 @@ impl Monitor {
                     serve(&mut report, tight);
                 }
             }
-            None => self.tight.align(epoch.time, tested.as_ref()),
+            None => self
+                .tight
+                .align(epoch.time, tested.as_ref(), &sigma_velocity_enu_mps),
         }
         report.inertial = self.tight.tell();
         report.suspect = self.snapshot.suspect(&assessment, &report.verdict);
@@ -468,7 +501,7 @@ impl Monitor {
             Some(memory) => self.tight.on_silence_with_bank(time, memory, &mut meter),
             None => self.tight.on_silence(time),
         };
-        if let Some(tight) = tight {
+        if let Some(tight) = tight.filter(|_| self.tight.has_earned()) {
             serve(&mut report, &tight);
         }
         report.inertial = self.tight.tell();
@@ -591,6 +624,7 @@ impl Monitor {
             alignment: AlignmentPart {
                 mode: self.tight.alignment_mode(),
                 sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
+                obstacle: self.tight.obstacle(),
             },
             units,
             timing: TimingPart {

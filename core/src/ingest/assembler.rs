@@ -3,6 +3,7 @@
 use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
+use super::magnetometer::decode_magnetometer;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
@@ -536,6 +537,9 @@ impl Assembler {
                 let mut sample = decode_magnetic_field(frame.payload())?;
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::MagneticField(sample))
+            }
+            Some(Kind::Magnetometer) => {
+                Outcome::UsedGives(Event::Magnetometer(decode_magnetometer(frame.payload())?))
             }
             Some(Kind::InitialState) => {
                 Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))

@@ -13,6 +13,7 @@ mod assembler;
 mod convert;
 mod corrected;
 mod inertial;
+mod magnetometer;
 mod payload;
 mod week;
 
@@ -27,6 +28,7 @@ pub use inertial::{
     decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
     encode_inertial, encode_initial_state, encode_reference_model,
 };
+pub use magnetometer::{decode_magnetometer, encode_magnetometer};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
@@ -36,8 +38,8 @@ pub use payload::{
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch};
 use crate::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
+    ReferenceModel, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -77,6 +79,8 @@ pub enum Event {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// What is known of a magnetometer, checked.
+    Magnetometer(Magnetometer),
     /// A state to start from.
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.

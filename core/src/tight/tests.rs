@@ -1,7 +1,7 @@
 //! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
 
 use super::*;
-use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
+use crate::ins::{AttitudeStart, ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
 use crate::integrity::Phase;
 use std::boxed::Box;
 
@@ -101,7 +101,7 @@ fn why_tight_mode_ended_is_told_once_whatever_came_after() {
     feed(&mut tight, 0, 500);
     feed(&mut tight, 700, 1000);
     tight.meets(at(1000));
-    tight.align(at(1000), None);
+    tight.align(at(1000), None, &[0.1; 3]);
     assert_eq!(tight.status(), InertialStatus::Aligning);
     assert_eq!(tight.tell(), InertialStatus::ImuSilent);
     assert_eq!(tight.tell(), InertialStatus::Aligning);

@@ -76,6 +76,8 @@ pub enum Kind {
     Satellites = 20,
     /// The inertial side at an epoch, after its report.
     InertialReport = 21,
+    /// What is known of a magnetometer and of the field where it is, into the monitor.
+    Magnetometer = 32,
 }
 
 impl Kind {
@@ -101,6 +103,7 @@ impl Kind {
             19 => Self::Bank,
             20 => Self::Satellites,
             21 => Self::InertialReport,
+            32 => Self::Magnetometer,
             _ => return None,
         })
     }
