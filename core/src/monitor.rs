@@ -427,12 +427,9 @@ impl Monitor {
                     _ => true,
                 };
                 let is_told = serves
-                    && self.tight.earn(
-                        epoch.time,
-                        tight,
-                        tested.as_ref(),
-                        &sigma_velocity_enu_mps,
-                    );
+                    && self
+                        .tight
+                        .earn(epoch.time, tight, tested.as_ref(), &sigma_velocity_enu_mps);
                 if is_told {
                     let opinion = self.tight.opinion().filter(|_| with_bank);
                     report.verdict = match opinion {

@@ -22,12 +22,12 @@ use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
-    encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
-    encode_reference_model, encode_unit_sample,
+    encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
+    encode_pressure, encode_reference_model, encode_unit_sample,
 };
 use surefix_core::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
+    ReferenceModel, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -66,6 +66,8 @@ pub enum FilterInput {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// What is known of a magnetometer.
+    Magnetometer(Box<Magnetometer>),
     /// A state to start from.
     State(Box<InitialState>),
     /// The requirements of a scenario.
@@ -423,6 +425,9 @@ fn decode_frames(
             Event::InitialState(state) => {
                 items.push(Item::ForFilter(FilterInput::State(Box::new(state))));
             }
+            Event::Magnetometer(known) => {
+                items.push(Item::ForFilter(FilterInput::Magnetometer(Box::new(known))));
+            }
             Event::ReferenceModel(model) => {
                 items.push(Item::ForFilter(FilterInput::Model(Box::new(model))));
             }
@@ -459,6 +464,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
+                | FilterInput::Magnetometer(_)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -563,6 +569,7 @@ impl FrameWriter {
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
+                FilterInput::Magnetometer(known) => encode_magnetometer(&known, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
                 FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
@@ -606,6 +613,9 @@ pub fn stream(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
+        if let Some(magnetometer) = &imu.magnetometer {
+            writer.append(|out| encode_magnetometer(magnetometer, out));
+        }
     }
     let mut pending = imu.map(|imu| Pending::new(&imu.samples));
     let raw = rinex::read_unzipped(gnss)?;

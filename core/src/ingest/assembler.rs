@@ -3,10 +3,10 @@
 use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
-use super::magnetometer::decode_magnetometer;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
+use super::magnetometer::decode_magnetometer;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,

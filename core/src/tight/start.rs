@@ -120,8 +120,8 @@ impl TightMonitor {
         v_enu: Option<&Vector3<f64>>,
         sigma_enu_mps: &[f64; 3],
     ) {
-        let stands = self.alignment.rest_s() > 0.0
-            || matches!(config.start, AttitudeStart::Given { .. });
+        let stands =
+            self.alignment.rest_s() > 0.0 || matches!(config.start, AttitudeStart::Given { .. });
         if let Some(v_enu) = v_enu
             && stands
             && is_slow(v_enu, sigma_enu_mps)

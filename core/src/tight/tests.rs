@@ -1,7 +1,9 @@
 //! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
 
 use super::*;
-use crate::ins::{AttitudeStart, ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
+use crate::ins::{
+    AttitudeStart, ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange,
+};
 use crate::integrity::Phase;
 use std::boxed::Box;
 

@@ -2,6 +2,7 @@
 //!
 //! | name | a trial | file |
 //! |---|---|---|
+//! | `alignment` | a start in each mode of alignment, its error against its sigma | `alignment.rs` |
 //! | `esbc-steps` | steps on satellites of a day of recording | `steps.rs` |
 //! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] | |
 //! | `recording-faults` | a replay of ESBC, walk or drive with an inertial unit and faults one after the other | `recording_faults.rs` |
@@ -18,6 +19,7 @@
 //! flight scored epoch by epoch. `outcome.rs` adds up trials and shards, `binomial.rs` says how sure
 //! a count is, `figure.rs` draws.
 
+pub mod alignment;
 pub mod binomial;
 pub mod double_faults;
 pub mod errors;
@@ -82,7 +84,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -120,7 +122,8 @@ pub fn run(args: &Args) -> Result<()> {
         "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
         name => name.to_owned(),
     };
-    if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+    if bank_campaign::<alignment::Alignment>(&name, args)?
+        || bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
         || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
         || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
@@ -169,7 +172,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, or merge"
             )
         }
     };

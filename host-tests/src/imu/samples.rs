@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use surefix_core::ingest::{Event, Ingest};
-use surefix_core::ins::{ImuSample, InertialConfig};
+use surefix_core::ins::{ImuSample, InertialConfig, Magnetometer};
 use surefix_core::time::{GpsTime, NS_PER_S};
 use surefix_core::wire::native::Frame;
 
@@ -26,6 +26,8 @@ const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
 pub struct Recorded {
     /// What is known of the unit.
     pub unit: InertialConfig,
+    /// What is known of a magnetometer beside it.
+    pub magnetometer: Option<Magnetometer>,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
     /// Lines or frames that could not be read.
@@ -64,6 +66,7 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         read_csv(&text, file, settings.interval_ns()?).with_context(|| format!("{name}"))?;
     Ok(Recorded {
         unit,
+        magnetometer: settings.magnetometer()?,
         samples,
         bad_lines,
     })
@@ -72,6 +75,8 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
     let mut unit = settings.map(ImuSettings::inertial_config).transpose()?;
     let mut ingest = Box::new(Ingest::EMPTY);
+    let magnetometer = settings.map(ImuSettings::magnetometer).transpose()?;
+    let mut magnetometer = magnetometer.flatten();
     let (mut samples, mut rest) = (Vec::new(), bytes);
     loop {
         let (used, mut event) = ingest.push(rest);
@@ -83,6 +88,9 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
             Event::Imu(sample) => samples.push(sample),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
+            }
+            Event::Magnetometer(said) => {
+                magnetometer.get_or_insert(said);
             }
             Event::EpochReady | Event::CorrectedEpochReady => {
                 bail!("it holds observations too: give the whole stream as --gnss, without --imu")
@@ -105,6 +113,7 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
     };
     Ok(Recorded {
         unit,
+        magnetometer,
         samples,
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })

@@ -10,7 +10,7 @@ use super::{field, t_s};
 
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
-    sigma_heading_deg,unit_0,unit_1,unit_2,lead_of_samples_s";
+    sigma_heading_deg,obstacle,unit_0,unit_1,unit_2,lead_of_samples_s";
 
 /// Writes `inertial.csv`; `inertial` is beside the reports.
 ///
@@ -32,6 +32,7 @@ pub fn write_inertial(
             let sigma_rad = inertial.alignment.sigma_ned_rad.map(|sigma| sigma[axis]);
             field(&mut line, sigma_rad.map(f64::to_degrees));
         }
+        let _ = write!(line, ",{}", inertial.alignment.obstacle.name());
         for unit in &inertial.units {
             let _ = write!(line, ",{}", unit.state.name());
         }

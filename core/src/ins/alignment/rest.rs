@@ -134,8 +134,7 @@ impl Rest {
             && rate_scatter <= scatter_limit(noise.arw, SCATTER_RATE_RADPS)
             && libm::fabs(force_length - GRAVITY_MPS2)
                 <= GRAVITY_SPREAD_MPS2 + chance(unit.accel_bias_mps2 + white(noise.vrw))
-            && rate_b.norm()
-                <= RATE_SPREAD_RADPS + chance(unit.gyro_bias_radps + white(noise.arw));
+            && rate_b.norm() <= RATE_SPREAD_RADPS + chance(unit.gyro_bias_radps + white(noise.arw));
         if self.length_s > 0.0 {
             let (mean_force_b, mean_rate_b) = self.means();
             // Of a difference of two means, and what the bias walked since the middle of the longer one.
@@ -243,7 +242,11 @@ mod tests {
     fn the_means_are_of_the_time_at_rest_only() {
         let mut rest = Rest::NONE;
         for k in 0..1000 {
-            let force_x = if k < 500 { 3.0 * libm::sin(f64::from(k)) } else { 0.3 };
+            let force_x = if k < 500 {
+                3.0 * libm::sin(f64::from(k))
+            } else {
+                0.3
+            };
             rest.add(&sample(force_x, 0.0), &TACTICAL);
         }
         assert!((rest.duration_s() - 5.0).abs() < 1e-6);

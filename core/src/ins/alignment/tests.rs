@@ -98,8 +98,7 @@ impl Vehicle {
         let earth = Vector3::new(0.0, 0.0, OMEGA);
         let v_e = c_e_n * self.velocity_n(middle_s);
         let dv_n = self.velocity_n(end_s) - self.velocity_n(end_s - dt_s);
-        let force_e =
-            c_e_n * (dv_n / dt_s) + 2.0 * earth.cross(&v_e) - gravity_e(&Self::place());
+        let force_e = c_e_n * (dv_n / dt_s) + 2.0 * earth.cross(&v_e) - gravity_e(&Self::place());
         let rate_n = Vector3::new(0.0, 0.0, self.turn_radps) + c_e_n.transpose() * earth;
         Increment {
             dtheta_b: c_n_b.transpose() * rate_n * dt_s,
@@ -325,7 +324,8 @@ fn a_unit_at_rest_finds_north_by_the_rotation_of_the_earth() {
         assert!(error_n(&aligned, angles).norm() < 1e-6);
         // 1 °/h of bias and 0.1 °/√h over 61 s against 15.04 °/h cos 45.8°.
         let [north, _, heading] = aligned.sigma_ned_rad;
-        let rate = (4.85e-6_f64.powi(2) + 2.9e-5_f64.powi(2) / 61.0).sqrt() / OMEGA / libm::cos(0.8);
+        let rate =
+            (4.85e-6_f64.powi(2) + 2.9e-5_f64.powi(2) / 61.0).sqrt() / OMEGA / libm::cos(0.8);
         assert!((heading / rate.hypot(north * libm::tan(0.8)) - 1.0).abs() < 1e-3);
         assert!((north / (0.0098 / 9.81) - 1.0).abs() < 0.01);
     }
@@ -422,7 +422,10 @@ fn the_magnetic_field_gives_a_heading_at_rest() {
         let [north, _, heading] = aligned.sigma_ned_rad;
         let by_field = 0.5 / (48.0 * libm::cos(1.1));
         let expected = by_field.hypot(north * libm::tan(1.1)).hypot(0.005);
-        assert!((heading / expected - 1.0).abs() < 1e-3, "{heading} {expected}");
+        assert!(
+            (heading / expected - 1.0).abs() < 1e-3,
+            "{heading} {expected}"
+        );
     }
 }
 
