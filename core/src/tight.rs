@@ -38,6 +38,7 @@ use crate::time::{GpsTime, NS_PER_S};
 mod clocks;
 mod earned;
 mod jump;
+mod loose;
 mod recording;
 mod scenario;
 mod solution;
@@ -45,6 +46,7 @@ mod start;
 
 use clocks::offset_of;
 use earned::Earned;
+use loose::Loose;
 use recording::RecordingBank;
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
@@ -207,6 +209,7 @@ pub struct TightMonitor {
     obstacle: Obstacle,
     /// Whether the filter is believed.
     earned: Earned,
+    loose: Loose,
 }
 
 impl TightMonitor {
@@ -240,6 +243,7 @@ impl TightMonitor {
         alignment_mode: AlignmentMode::None,
         obstacle: Obstacle::None,
         earned: Earned::NOTHING,
+        loose: Loose::OFF,
     };
 
     /// An inertial unit is there, in a phase of flight with these requirements.
@@ -401,6 +405,7 @@ impl TightMonitor {
         self.recording.start();
         self.late = 0;
         self.remembered = None;
+        self.loose.start();
         if self.navigator.start(config, state).is_ok() {
             self.status = InertialStatus::Running;
         }
@@ -571,6 +576,7 @@ impl TightMonitor {
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
+        self.loose.shift(by_ns);
         self.bank_verdict = None;
         self.alignment.restart();
         self.last_epoch = self.last_epoch.map(shifted);

@@ -24,7 +24,7 @@
 
 use nalgebra::Vector3;
 
-use super::{TestedSolution, TightMonitor, TightSolution};
+use super::{TightMonitor, TightSolution};
 use crate::frames::geodesy;
 use crate::gnss::solution::SnapshotWorkspace;
 use crate::ins::alignment::AlignmentMode;
@@ -154,7 +154,7 @@ impl TightMonitor {
         &mut self,
         time: GpsTime,
         solution: &TightSolution,
-        tested: Option<&TestedSolution<'_>>,
+        velocity_enu_mps: Option<[f64; 3]>,
         sigma_velocity_enu_mps: &[f64; 3],
     ) -> bool {
         if self.earned.is_earned {
@@ -163,7 +163,7 @@ impl TightMonitor {
         let Some(sigma_ned_rad) = self.sigma_attitude_ned_rad() else {
             return false;
         };
-        self.compare_changes(time, solution, tested, sigma_velocity_enu_mps);
+        self.compare_changes(time, solution, velocity_enu_mps, sigma_velocity_enu_mps);
         let [.., sigma_heading_rad] = sigma_ned_rad;
         let is_confirmed = if self.earned.needs_motion {
             self.earned.is_confirmed(sigma_heading_rad)
@@ -182,13 +182,12 @@ impl TightMonitor {
         &mut self,
         time: GpsTime,
         solution: &TightSolution,
-        tested: Option<&TestedSolution<'_>>,
+        velocity_enu_mps: Option<[f64; 3]>,
         sigma_velocity_enu_mps: &[f64; 3],
     ) {
         let last = self.earned.last.take();
         let predicted = self.earned.predicted_v_e_mps.take();
-        let velocity = tested.and_then(|tested| tested.solution.velocity_enu_mps);
-        let Some([east, north, _]) = velocity else {
+        let Some([east, north, _]) = velocity_enu_mps else {
             return;
         };
         let [filter_east, filter_north, _] = solution.velocity_enu_mps;

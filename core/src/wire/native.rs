@@ -78,6 +78,8 @@ pub enum Kind {
     InertialReport = 21,
     /// What is known of a magnetometer and of the field where it is, into the monitor.
     Magnetometer = 32,
+    /// The receiver's own solution, into the monitor.
+    ReceiverFix = 33,
 }
 
 impl Kind {
@@ -104,6 +106,7 @@ impl Kind {
             20 => Self::Satellites,
             21 => Self::InertialReport,
             32 => Self::Magnetometer,
+            33 => Self::ReceiverFix,
             _ => return None,
         })
     }

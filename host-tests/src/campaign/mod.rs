@@ -12,6 +12,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -36,6 +37,7 @@ pub mod sky;
 pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
+pub mod wide_headings;
 
 use std::path::{Path, PathBuf};
 
@@ -84,7 +86,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, wide-headings), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -123,6 +125,7 @@ pub fn run(args: &Args) -> Result<()> {
         name => name.to_owned(),
     };
     if bank_campaign::<alignment::Alignment>(&name, args)?
+        || bank_campaign::<wide_headings::WideHeadings>(&name, args)?
         || bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
         || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
         || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
@@ -172,7 +175,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, wide-headings, or merge"
             )
         }
     };

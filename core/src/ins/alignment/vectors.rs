@@ -15,7 +15,7 @@
 //! | σ_u    | `sigma_about_u`   | 1 | rad  |       | error about u: of the heading when u is vertical   |
 //!
 //! f is taken to be exact, and a turns the body about it: the triad u, u×a, u×(u×a) in both axes
-//! (the method is Black's of 1964, known as TRIAD). What a says beside its direction about u is not used
+//! (the method known as TRIAD, [BLACK-1964]). What a says beside its direction about u is not used
 //! for the attitude, but is what tells whether a is what it is taken for. Errors, derived here: an error of a
 //! across u and across a_⊥ turns by σ_a/a_⊥; a tilt about the direction of a_⊥ turns a_∥ into it, by
 //! a_∥/a_⊥ of the tilt:
