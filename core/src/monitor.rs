@@ -198,6 +198,12 @@ impl Monitor {
         }
     }
 
+    /// Bytes given to [`Monitor::push`] from which nothing has followed yet: the frame that is not complete.
+    /// A sample handed in now takes effect before them.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.ingest.bytes_in_hand()
+    }
+
     /// No more bytes will come: gives an epoch that waited for more, then [`Ready::EndOfStream`].
     pub fn finish(&mut self) -> Ready {
         // One unfinished frame can bring a few events before the end; none brings a hundred.

@@ -169,6 +169,11 @@ impl Ingest {
         &self.counters
     }
 
+    /// Bytes taken from which nothing has followed yet: the frame that is not complete.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.scanner.bytes_in_hand()
+    }
+
     /// Tells the week the user gave.
     pub fn configure(&mut self, config: &Config) {
         self.assembler.configure(config.reference_week);

@@ -11,6 +11,7 @@ pub(crate) mod horizon;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
+pub mod sample_clock;
 pub mod unit;
 
 pub use aiding::{MagneticSample, PressureSample};
@@ -22,4 +23,5 @@ pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
+pub use sample_clock::{NoTime, SampleClock, SampleClockCounters, SampleClockState};
 pub use unit::{MAX_UNITS, UnitSample};
