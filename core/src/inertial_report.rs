@@ -4,8 +4,8 @@
 //!
 //! One struct per theme, so that each is filled in one place.
 
-use crate::ins::MAX_UNITS;
 use crate::ins::alignment::AlignmentMode;
+use crate::ins::{AidUse, MAX_UNITS};
 use crate::report::ReportError;
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, Reader, Writer};
@@ -127,6 +127,47 @@ impl TimingPart {
     }
 }
 
+/// The aids.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AidsPart {
+    /// That the vehicle stands, in the filters.
+    pub standstill: AidUse,
+    /// The barometer's climb, in the filters.
+    pub climb: AidUse,
+    /// The barometer's height, in the snapshot solution.
+    pub height: AidUse,
+    /// Height of the antenna above the ellipsoid minus pressure altitude, m, once it is known.
+    pub height_bias_m: Option<f64>,
+}
+
+impl AidsPart {
+    const LENGTH: usize = 3 + 1 + 4;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        for aid in [self.standstill, self.climb, self.height] {
+            writer.put_u8(aid as u8)?;
+        }
+        writer.put_u8(self.height_bias_m.is_some().into())?;
+        writer.put_f32(self.height_bias_m.unwrap_or(0.0) as f32)
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let mut aid = || {
+            let code = reader.u8()?;
+            AidUse::from_u8(code).ok_or(ReportError::UnknownCode { code })
+        };
+        let (standstill, climb, height) = (aid()?, aid()?, aid()?);
+        let is_there = flag(reader)?;
+        let bias_m = f64::from(reader.f32()?);
+        Ok(Self {
+            standstill,
+            climb,
+            height,
+            height_bias_m: is_there.then_some(bias_m),
+        })
+    }
+}
+
 /// The inertial side at an epoch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialReport {
@@ -138,6 +179,8 @@ pub struct InertialReport {
     pub units: [UnitPart; MAX_UNITS],
     /// How late the receiver was.
     pub timing: TimingPart,
+    /// The aids.
+    pub aids: AidsPart,
 }
 
 /// Length of its frame, bytes.
@@ -146,6 +189,7 @@ pub const INERTIAL_REPORT_FRAME_LENGTH: usize = native::HEADER_LEN
     + AlignmentPart::LENGTH
     + MAX_UNITS * UnitPart::LENGTH
     + TimingPart::LENGTH
+    + AidsPart::LENGTH
     + native::TRAILER_LEN;
 
 impl InertialReport {
@@ -161,7 +205,8 @@ impl InertialReport {
             for unit in &self.units {
                 unit.write(writer)?;
             }
-            self.timing.write(writer)
+            self.timing.write(writer)?;
+            self.aids.write(writer)
         })
     }
 
@@ -178,6 +223,7 @@ impl InertialReport {
             *unit = UnitPart::read(&mut reader)?;
         }
         let timing = TimingPart::read(&mut reader)?;
+        let aids = AidsPart::read(&mut reader)?;
         if reader.left() > 0 {
             return Err(ReportError::UnknownCode { code: 0 });
         }
@@ -186,6 +232,7 @@ impl InertialReport {
             alignment,
             units,
             timing,
+            aids,
         })
     }
 }
@@ -221,6 +268,12 @@ mod tests {
             ],
             timing: TimingPart {
                 lead_of_samples_ns: Some(-3_000_000),
+            },
+            aids: AidsPart {
+                standstill: AidUse::Used,
+                climb: AidUse::Refused,
+                height: AidUse::Ready,
+                height_bias_m: Some(-17.5),
             },
         }
     }

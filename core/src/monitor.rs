@@ -18,10 +18,13 @@ use crate::config::Config;
 use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
-use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState};
+use crate::inertial_report::{
+    AidsPart, AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState,
+};
 use crate::ingest::{Event, Ingest};
 use crate::ins::{
-    InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample, PressureSample, UnitSample,
+    AidsConfig, AidsConfigError, InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample,
+    PressureSample, UnitSample,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -136,6 +139,17 @@ impl Monitor {
             .map_err(TightConfigureError::Stats)
     }
 
+    /// Adds the aids: a barometer, standstills. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`AidsConfigError`]; the aids are then those of before.
+    pub fn configure_aids(&mut self, aids: &AidsConfig) -> Result<(), AidsConfigError> {
+        aids.check()?;
+        self.snapshot.height_mut().configure(aids.barometer);
+        self.tight.configure_aids(aids);
+        Ok(())
+    }
+
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
     /// used. Call again with the rest.
     #[inline(never)]
@@ -179,6 +193,12 @@ impl Monitor {
             Event::Inertial(config) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_inertial(&config).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Aids(aids) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_aids(&aids).is_ok();
                 self.note_refusal(is_accepted);
                 None
             }
@@ -227,6 +247,7 @@ impl Monitor {
                 self.alerts.shift(shift_ns);
                 self.readmission.shift();
                 self.tight.shift(shift_ns);
+                self.snapshot.height_mut().shift(shift_ns);
                 None
             }
             Event::EpochReady => {
@@ -252,8 +273,11 @@ impl Monitor {
         self.expect_epoch(sample.sample.time)
     }
 
-    /// Takes a sample of a barometer.
-    pub fn on_pressure(&mut self, _sample: &PressureSample) {}
+    /// Takes a sample of a barometer; without [`Monitor::configure_aids`] nothing comes of it.
+    pub fn on_pressure(&mut self, sample: &PressureSample) {
+        self.snapshot.height_mut().on_pressure(sample);
+        self.tight.on_pressure(sample);
+    }
 
     /// Takes a sample of a magnetometer.
     pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
@@ -597,7 +621,18 @@ impl Monitor {
                 lead_of_samples_ns: newest
                     .map(|newest| newest.ns().saturating_sub(report.time.ns())),
             },
+            aids: self.aids_part(),
         })
+    }
+
+    fn aids_part(&self) -> AidsPart {
+        let [standstill, climb] = self.tight.aids_used();
+        AidsPart {
+            standstill,
+            climb,
+            height: self.snapshot.height_use(),
+            height_bias_m: self.snapshot.height().bias_m(),
+        }
     }
 
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.

@@ -33,6 +33,7 @@ use crate::snapshot::Assessment;
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
+mod aids;
 mod clocks;
 mod jump;
 mod recording;
@@ -40,6 +41,7 @@ mod scenario;
 mod solution;
 mod start;
 
+use aids::Aids;
 use clocks::offset_of;
 use recording::RecordingBank;
 
@@ -201,6 +203,7 @@ pub struct TightMonitor {
     remembered: Option<AntennaState<CLOCKS>>,
     /// Where the attitude that the filter started from came from.
     alignment_mode: AlignmentMode,
+    aids: Aids,
 }
 
 impl TightMonitor {
@@ -232,6 +235,7 @@ impl TightMonitor {
         untold: None,
         remembered: None,
         alignment_mode: AlignmentMode::None,
+        aids: Aids::EMPTY,
     };
 
     /// An inertial unit is there, in a phase of flight with these requirements.
@@ -357,6 +361,7 @@ impl TightMonitor {
         self.bank.restart();
         self.bank_verdict = None;
         self.recording.start();
+        self.aids.restart();
         self.late = 0;
         self.remembered = None;
         if self.navigator.start(config, state).is_ok() {
@@ -396,6 +401,7 @@ impl TightMonitor {
                 .scale_sigmas(factors.pseudorange, factors.range_rate);
         }
         let _ = self.prepare_clocks(&mut at, tested);
+        self.note_speed(tested);
         self.finish(&at)
     }
 
@@ -529,6 +535,7 @@ impl TightMonitor {
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
+        self.aids.shift(by_ns);
         self.bank_verdict = None;
         self.alignment.restart();
         self.last_epoch = self.last_epoch.map(shifted);
@@ -600,6 +607,7 @@ impl TightMonitor {
     }
 
     fn step(&mut self, increment: &Increment, time: GpsTime) {
+        self.aids.on_increment(increment);
         if self.is_running() {
             self.navigator.step(increment, time);
         } else {
@@ -629,7 +637,20 @@ impl TightMonitor {
                 }
             }
         }
-        let solution = self.navigator.update().ok().and_then(|summary| {
+        if self.reference.is_none() {
+            self.ask_aids();
+            if self.aids.information().rows() > 0 {
+                self.navigator
+                    .information_mut()
+                    .add(self.aids.information());
+            }
+        }
+        let summary = self.navigator.update_filter();
+        let correction = self.navigator.finish().ok();
+        if let Some(correction) = &correction {
+            self.rereference_aids(correction);
+        }
+        let solution = correction.and_then(|_| {
             let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
             let told = if passed_ns > MAX_LEAD_NS {
                 *at

@@ -5,19 +5,25 @@
 //! mounted.
 
 pub mod aiding;
+pub mod aids;
 pub mod alignment;
+pub mod barometer;
 pub mod gravity;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
+pub mod stationarity;
 pub mod unit;
 
 pub use aiding::{MagneticSample, PressureSample};
+pub use aids::{AidUse, AidsConfig, AidsConfigError, BarometerModel, ZeroVelocityModel};
 pub use alignment::{CoarseAlignment, NotAligned};
+pub use barometer::{Barometer, PressureHeight};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
+pub use stationarity::{Scatter, Stationarity};
 pub use unit::{MAX_UNITS, UnitSample};

@@ -11,6 +11,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -18,6 +19,7 @@
 //! flight scored epoch by epoch. `outcome.rs` adds up trials and shards, `binomial.rs` says how sure
 //! a count is, `figure.rs` draws.
 
+pub mod aids;
 pub mod binomial;
 pub mod double_faults;
 pub mod errors;
@@ -82,7 +84,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -155,6 +157,13 @@ pub fn run(args: &Args) -> Result<()> {
             check_out(&args.out)?;
             return filter_consistency(args);
         }
+        "aids" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("aids has no shards: give runs of different --seed instead");
+            }
+            return aids::run(args.seed, args.trials.unwrap_or(aids::TRIALS), &args.out);
+        }
         "recording-faults" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -169,7 +178,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, or merge"
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, or merge"
             )
         }
     };

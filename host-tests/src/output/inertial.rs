@@ -10,7 +10,7 @@ use super::{field, t_s};
 
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
-    sigma_heading_deg,unit_0,unit_1,unit_2,lead_of_samples_s";
+    sigma_heading_deg,unit_0,unit_1,unit_2,lead_of_samples_s,standstill,climb,height,height_bias_m";
 
 /// Writes `inertial.csv`; `inertial` is beside the reports.
 ///
@@ -37,6 +37,11 @@ pub fn write_inertial(
         }
         let lead_ns = inertial.timing.lead_of_samples_ns;
         field(&mut line, lead_ns.map(|ns| ns as f64 / 1e9));
+        let aids = &inertial.aids;
+        for aid in [aids.standstill, aids.climb, aids.height] {
+            let _ = write!(line, ",{}", aid.name());
+        }
+        field(&mut line, aids.height_bias_m);
         writeln!(out, "{line}")?;
     }
     Ok(())
