@@ -5,25 +5,27 @@
 //!
 //! | symbol | code        | unit | frame | meaning                                                   |
 //! |--------|-------------|------|-------|-----------------------------------------------------------|
-//! | D      | `Apart`     | m    |       | nominal height of the antenna minus pressure altitude     |
+//! | D      | `Apart`     | m    |       | nominal height of the antenna minus pressure altitude, smoothed |
 //! | T      |             | s    |       | time between two heights                                  |
 //! | v̂      |             | m/s  | e     | nominal velocity of the antenna                           |
 //! | σ, d, s, τ |         |      |       | noise, drift, scale, memory: `ins/aids.rs`                |
 //!
 //! ```text
-//! climb:       up·δv = (D_2 − D_1)/T,   R = 2 σ²/T² + (d² + (s v_up)²)(1 + 2 τ/T)
+//! climb:       up·δv = (D_2 − D_1)/T,   R = 2 σ²/T² + (d² + (s v_up)²)(1 + 2 τ/T) + (σ_a T/2)²
 //! standstill:  δv = v̂ per axis,         R = σ² (1 + 2 τ_0/Δt)
 //! ```
 //!
 //! The bias of a barometer is in neither height's difference: no state is needed for it, and no height of a
-//! satellite stands behind it that could be wrong. Both rows enter the joint block of position, velocity
+//! satellite stands behind it that could be wrong. T is long, for the noise of a height counts once per
+//! T, and short enough for the velocity at its end to be that of its middle but for the error σ_a of the
+//! acceleration. Both rows enter the joint block of position, velocity
 //! and clocks as range rates do. Derivation, what is not done, who pays for an aid that is wrong:
 //! docs/decisions/017-aids.md.
 
 use nalgebra::Vector3;
 
 use super::{CLOCKS, JOINT, TestedSolution, TightMonitor};
-use crate::ekf::layout::VELOCITY;
+use crate::ekf::layout::{ACCEL_BIAS, VELOCITY};
 use crate::ekf::{EpochInformation, ErrorState, MeasurementRow};
 use crate::frames::geodesy;
 use crate::ins::aiding::PressureSample;
@@ -34,9 +36,13 @@ use crate::linalg::block3::Symmetric;
 use crate::time::{GpsTime, NS_PER_S};
 
 /// Shortest time between two heights of a barometer, s.
-const CLIMB_S: f64 = 0.95;
+const CLIMB_S: f64 = 4.95;
 /// Longest, s: with a longer one something was missing.
-const MAX_CLIMB_S: f64 = 5.0;
+const MAX_CLIMB_S: f64 = 12.0;
+/// Heights are smoothed over so long, s; the delay is that of both.
+const SMOOTH_S: f64 = 0.5;
+/// Samples of a barometer farther apart begin anew, s.
+const MAX_PAUSE_S: f64 = 1.5;
 /// Farthest that a sample of the barometer may be from where the nominal stands, ns.
 const MAX_APART_NS: i64 = 150_000_000;
 /// A climb farther from the filter's than so many sigmas is not taken: the barometer leapt or stands still.
@@ -188,6 +194,23 @@ fn lasting(variance: f64, memory_s: f64, dt_s: f64) -> f64 {
     variance * (1.0 + 2.0 * memory_s / dt_s)
 }
 
+/// The next height beside the nominal's.
+fn smoothed(before: Option<Apart>, time: GpsTime, height_m: f64) -> Apart {
+    let gain = before.map_or(1.0, |before| {
+        let dt_s = time.seconds_since(before.time);
+        if dt_s > 0.0 && dt_s < MAX_PAUSE_S {
+            dt_s / (dt_s + SMOOTH_S)
+        } else {
+            1.0
+        }
+    });
+    let from_m = before.map_or(height_m, |before| before.height_m);
+    Apart {
+        time,
+        height_m: from_m + gain * (height_m - from_m),
+    }
+}
+
 /// nᵀ P n.
 fn along(p: &Symmetric, n: &Vector3<f64>) -> f64 {
     let [xx, xy, xz, yy, yz, zz] = *p;
@@ -235,12 +258,10 @@ impl TightMonitor {
             return;
         }
         let at = self.navigator.antenna(height.time);
+        let before = self.aids.latest.take();
         self.aids.latest = geodesy::to_llh(&Vector3::from(at.r_e_m))
             .ok()
-            .map(|llh| Apart {
-                time: height.time,
-                height_m: llh.height_m - height.height_m,
-            });
+            .map(|llh| smoothed(before, height.time, llh.height_m - height.height_m));
         if self.aids.first.is_none() {
             self.aids.first = self.aids.latest;
         }
@@ -354,12 +375,15 @@ impl TightMonitor {
         let innovation_mps = (latest.height_m - first.height_m) / dt_s;
         let noise_mps = model.sigma_m / dt_s;
         let scale_mps = model.scale * climb_mps;
+        let [xx, _, _, yy, _, zz] = self.navigator.filter().block(ACCEL_BIAS);
+        let of_acceleration = (xx + yy + zz) / 3.0;
         let variance = 2.0 * noise_mps * noise_mps
             + lasting(
                 model.drift_mps * model.drift_mps + scale_mps * scale_mps,
                 model.memory_s,
                 dt_s,
-            );
+            )
+            + 0.25 * dt_s * dt_s * of_acceleration;
         let of_filter = along(&self.navigator.filter().block(VELOCITY), &up);
         let square = innovation_mps * innovation_mps;
         let agrees = square <= GATE_SIGMAS * GATE_SIGMAS * (variance + of_filter);
