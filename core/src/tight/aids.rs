@@ -238,9 +238,9 @@ impl TightMonitor {
         };
     }
 
-    /// What became of the barometer's climb and of the standstill at the last epoch.
+    /// What became of the standstill and of the barometer's climb at the last epoch.
     pub const fn aids_used(&self) -> [AidUse; 2] {
-        [self.aids.climb_use, self.aids.standstill_use]
+        [self.aids.standstill_use, self.aids.climb_use]
     }
 
     /// A sample of the barometer.

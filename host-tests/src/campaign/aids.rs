@@ -2,19 +2,26 @@
 //!
 //! A trial is a flight with a seed of its own, flown twice with the same noise, without the aid and with it;
 //! the receiver falls silent at a time and stays so. The day's air and the errors of the barometer are
-//! drawn by the seed too.
+//! drawn by the seed too. The recorded drive is flown once, under a receiver that was synthesised along its
+//! track and loses all satellites for a minute again and again, with a barometer synthesised from the
+//! track's height.
 
 use std::path::Path;
 
 use anyhow::{Context, Result};
 use serde::Serialize;
-use surefix_core::ins::{AidsConfig, BarometerModel, ZeroVelocityModel};
+use surefix_core::config::IonosphereModel;
+use surefix_core::ins::{AidUse, AidsConfig, BarometerModel, ZeroVelocityModel};
 use surefix_core::integrity::Phase;
+use surefix_core::time::GpsTime;
 
-use crate::aiding::{AidedRow, Air, fly_aided, pressures};
-use crate::simulate::flight::Flight;
+use crate::aiding::{self, AidedRow, Air, fly_aided, pressures};
+use crate::hybrid::{self, Reduction};
+use crate::replay::{self, ReplayOptions, ReplayResult, TruthChoice};
+use crate::simulate::flight::{Flight, geodetic_from_ecef};
 use crate::simulate::inertial::sensors::Grade;
 use crate::simulate::inertial::{Request, fly};
+use crate::truth::Truth;
 
 /// Trials of each row of a table unless told otherwise.
 pub const TRIALS: u64 = 10;
@@ -263,19 +270,166 @@ pub fn run_case(case: &Case, seed: u64, trials: u64) -> Result<CaseResult> {
     })
 }
 
+/// Outages of the drive begin at these seconds.
+pub const DRIVE_OUTAGES_S: [f64; 10] = [
+    120.0, 240.0, 360.0, 480.0, 600.0, 720.0, 840.0, 960.0, 1080.0, 1200.0,
+];
+
+/// The drive without and with aids: errors over its outages.
+#[derive(Clone, Debug, Serialize)]
+pub struct DriveResult {
+    /// Which aids.
+    pub aids: &'static str,
+    /// Outages.
+    pub outages: usize,
+    /// After 10, 30, 60 s: root mean square of horizontal and vertical errors, m.
+    pub rms_m: [[f64; 2]; 3],
+    /// The largest, m.
+    pub largest_m: [[f64; 2]; 3],
+    /// Usable epochs with an error above a level.
+    pub misleading: usize,
+    /// Epochs at which a standstill was used.
+    pub standstills: usize,
+}
+
+/// The drive in a directory of recordings; `work` is written to.
+///
+/// # Errors
+/// When the recording is not there or cannot be replayed.
+pub fn drive(data: &Path, examples: &Path, work: &Path, seed: u64) -> Result<Vec<DriveResult>> {
+    let recording = data.join("drive0708-adis16465-rtk");
+    let drop = DRIVE_OUTAGES_S.map(|from_s| Reduction {
+        satellites: 0,
+        from_s,
+        to_s: from_s + 61.0,
+    });
+    let hybrid = hybrid::synthesise(&hybrid::Args {
+        track: recording.join("gnss_1934_sf.pos"),
+        imu: recording.join("derived_imu_gpst_unfiltered.csv"),
+        config: examples.join("car-adis16465.toml"),
+        nav: data.join("esbc-2020-177/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"),
+        satellites: 12,
+        drop: drop.to_vec(),
+        rate_hz: 1,
+        duration: None,
+        seed,
+        out: work.to_path_buf(),
+    })?;
+    hybrid::write(&hybrid, work)?;
+    let samples = Air::of_day(seed).samples(hybrid.start, hybrid.duration_s, seed, None, |t_s| {
+        geodetic_from_ecef(&hybrid.track.state(hybrid.start, t_s).0).2
+    });
+    let pressure_file = work.join("barometer.csv");
+    std::fs::write(&pressure_file, aiding::csv(&samples))?;
+    let (barometer, still) = (Aid::Barometer.config(), Aid::ZeroVelocity.config());
+    let both = AidsConfig {
+        zero_velocity: still.zero_velocity,
+        ..barometer
+    };
+    [
+        ("none", AidsConfig::NONE),
+        ("barometer", barometer),
+        ("standstill", still),
+        ("both", both),
+    ]
+    .into_iter()
+    .map(|(name, aids)| {
+        let mut options = ReplayOptions::new(work.join("receiver.rtcm3"));
+        options.imu = Some(work.join("imu.sfx"));
+        options.config.ionosphere = IonosphereModel::None;
+        options.truth = TruthChoice::Given(Truth::read(&work.join("truth.csv"))?);
+        options.aids = aids;
+        options.barometer = aids.barometer.map(|_| pressure_file.clone());
+        let result = replay::run(&options, &mut |_, _| {})?;
+        Ok(drive_result(name, &result, hybrid.start, hybrid.duration_s))
+    })
+    .collect()
+}
+
+fn drive_result(
+    aids: &'static str,
+    result: &ReplayResult,
+    start: GpsTime,
+    duration_s: f64,
+) -> DriveResult {
+    let rows: Vec<AidedRow> = result
+        .reports
+        .iter()
+        .zip(&result.errors_enu_m)
+        .zip(&result.inertial)
+        .map(|((report, error_enu_m), inertial)| AidedRow {
+            t_s: report.time.seconds_since(start),
+            error_enu_m: *error_enu_m,
+            report: *report,
+            inertial: *inertial,
+        })
+        .collect();
+    let outages = DRIVE_OUTAGES_S
+        .iter()
+        .filter(|from_s| **from_s + 70.0 < duration_s);
+    let (mut squares, mut largest_m) = ([[0.0; 2]; 3], [[0.0_f64; 2]; 3]);
+    let mut count = 0;
+    for from_s in outages {
+        let errors = AFTER_S.map(|after_s| {
+            // The last epoch is a second before the outage.
+            let at_s = from_s - 1.0 + f64::from(after_s);
+            rows.iter()
+                .find(|row| (row.t_s - at_s).abs() < 0.3)
+                .and_then(|row| row.error_enu_m)
+        });
+        let [Some(a), Some(b), Some(c)] = errors else {
+            continue;
+        };
+        count += 1;
+        for (place, [e, n, u]) in [a, b, c].into_iter().enumerate() {
+            let both = [e.hypot(n), u.abs()];
+            for axis in 0..2 {
+                squares[place][axis] += both[axis] * both[axis];
+                largest_m[place][axis] = largest_m[place][axis].max(both[axis]);
+            }
+        }
+    }
+    let used = |row: &&AidedRow| {
+        row.inertial
+            .is_some_and(|inertial| inertial.aids.standstill == AidUse::Used)
+    };
+    DriveResult {
+        aids,
+        outages: count,
+        rms_m: squares.map(|of| of.map(|square: f64| (square / count as f64).sqrt())),
+        largest_m,
+        misleading: rows.iter().filter(|row| row.misleads()).count(),
+        standstills: rows.iter().filter(used).count(),
+    }
+}
+
+/// Lines of the table of the drive.
+pub fn drive_lines(result: &DriveResult) -> String {
+    let places = AFTER_S.iter().zip(result.rms_m).zip(result.largest_m);
+    places
+        .map(|((after_s, [h, v]), [hm, vm])| {
+            format!(
+                "| drive0708 | {} | {after_s} s | {} | {h:.2} | {hm:.2} | {v:.2} | {vm:.2} | {} | {} |\n",
+                result.aids, result.outages, result.standstills, result.misleading
+            )
+        })
+        .collect()
+}
+
 /// All of it.
 #[derive(Serialize)]
 struct AidsResult {
     campaign: &'static str,
     seed: u64,
     cases: Vec<CaseResult>,
+    drive: Vec<DriveResult>,
 }
 
 /// Runs the campaign, prints its table and writes its result.
 ///
 /// # Errors
 /// As [`run_case`], or when `out` cannot be written.
-pub fn run(seed: u64, trials: u64, out: &Path) -> Result<()> {
+pub fn run(data: &Path, seed: u64, trials: u64, out: &Path) -> Result<()> {
     let cases: Result<Vec<CaseResult>> = CASES
         .iter()
         .map(|case| {
@@ -284,10 +438,24 @@ pub fn run(seed: u64, trials: u64, out: &Path) -> Result<()> {
             Ok(result)
         })
         .collect();
+    let cases = cases?;
+    let drive = if data.join("drive0708-adis16465-rtk").exists() {
+        let examples = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/examples");
+        let work = out.with_extension("drive");
+        let results = drive(data, &examples, &work, seed)?;
+        results
+            .iter()
+            .for_each(|result| print!("{}", drive_lines(result)));
+        results
+    } else {
+        println!("{} holds no drive: left out", data.display());
+        Vec::new()
+    };
     let result = AidsResult {
         campaign: "aids",
         seed,
-        cases: cases?,
+        cases,
+        drive,
     };
     std::fs::write(out, serde_json::to_string_pretty(&result)? + "\n")
         .with_context(|| format!("cannot write {}", out.display()))?;

@@ -162,7 +162,9 @@ pub fn run(args: &Args) -> Result<()> {
             if args.shard.is_some() {
                 bail!("aids has no shards: give runs of different --seed instead");
             }
-            return aids::run(args.seed, args.trials.unwrap_or(aids::TRIALS), &args.out);
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(aids::TRIALS);
+            return aids::run(data, args.seed, trials, &args.out);
         }
         "recording-faults" => {
             check_out(&args.out)?;

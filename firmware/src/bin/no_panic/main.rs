@@ -7,6 +7,8 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod aids;
+#[cfg(target_os = "none")]
 mod araim;
 #[cfg(target_os = "none")]
 mod call;
@@ -46,6 +48,7 @@ fn main() -> ! {
     mhss::all();
     raim::all();
     araim::all();
+    aids::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);
