@@ -30,6 +30,7 @@ use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::aiding;
 use crate::faults::FaultSpec;
+use crate::fixes::FixOptions;
 use crate::imu::{self, ImuSettings};
 use crate::nmea::{self, Sentence};
 use crate::output::{self, Summary};
@@ -296,6 +297,8 @@ pub struct ReplayOptions {
     pub barometer: Option<PathBuf>,
     /// Faults to put on it.
     pub faults: Vec<FaultSpec>,
+    /// What to change of the receiver's own solutions.
+    pub fixes: FixOptions,
     /// Seed of the random faults.
     pub seed: u64,
     /// Where to run.
@@ -315,6 +318,7 @@ impl ReplayOptions {
             aids: AidsConfig::NONE,
             barometer: None,
             faults: Vec::new(),
+            fixes: FixOptions::default(),
             seed: 1,
             machine: Machine::Host,
         }
@@ -429,13 +433,14 @@ pub fn run(
         .as_ref()
         .map(|path| imu::read(path, options.imu_settings.as_ref()))
         .transpose()?;
-    let stream = source::stream(
+    let stream = source::stream_with(
         &options.gnss,
         &options.nav,
         &options.config,
         &options.faults,
         options.seed,
         imu.as_ref(),
+        &options.fixes,
     )?;
     let pressures = options.barometer.as_deref().map(aiding::read).transpose()?;
     let bytes = if options.aids == AidsConfig::NONE && pressures.is_none() {

@@ -112,6 +112,7 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .inertial_config()
             .unwrap(),
         samples,
+        receiver_latency_ns: 0,
         bad_lines: 0,
     }
 }

@@ -9,6 +9,7 @@ pub mod aids;
 pub mod alignment;
 pub mod barometer;
 pub mod gravity;
+pub(crate) mod horizon;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
@@ -19,6 +20,7 @@ pub use aiding::{MagneticSample, PressureSample};
 pub use aids::{AidUse, AidsConfig, AidsConfigError, BarometerModel, ZeroVelocityModel};
 pub use alignment::{CoarseAlignment, NotAligned};
 pub use barometer::{Barometer, PressureHeight};
+pub use horizon::{HorizonState, MAX_LATENCY_NS};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{

@@ -252,9 +252,13 @@ impl TightMonitor {
             self.aids.latest = None;
             return;
         };
-        let lead_ns = height.time.ns().wrapping_sub(self.navigator.time().ns());
-        if !(self.is_running() && (-MAX_APART_NS..=MAX_APART_NS).contains(&lead_ns)) {
+        if !self.is_running() {
             self.aids.latest = None;
+            return;
+        }
+        // The nominal waits for an epoch that is late: what is farther ahead of it is not compared.
+        let lead_ns = height.time.ns().wrapping_sub(self.navigator.time().ns());
+        if !(-MAX_APART_NS..=MAX_APART_NS).contains(&lead_ns) {
             return;
         }
         let at = self.navigator.antenna(height.time);

@@ -66,6 +66,8 @@ pub enum Kind {
     MagneticField = 13,
     /// The aids there are, into the monitor.
     Aids = 15,
+    /// How late the receiver's epochs arrive, into the monitor.
+    ReceiverLatency = 34,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -78,6 +80,8 @@ pub enum Kind {
     Satellites = 20,
     /// The inertial side at an epoch, after its report.
     InertialReport = 21,
+    /// The receiver's own solution, into the monitor.
+    ReceiverFix = 33,
 }
 
 impl Kind {
@@ -98,12 +102,14 @@ impl Kind {
             12 => Self::Pressure,
             13 => Self::MagneticField,
             15 => Self::Aids,
+            34 => Self::ReceiverLatency,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,
             19 => Self::Bank,
             20 => Self::Satellites,
             21 => Self::InertialReport,
+            33 => Self::ReceiverFix,
             _ => return None,
         })
     }

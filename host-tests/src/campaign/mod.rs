@@ -12,6 +12,7 @@
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
+//! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -26,6 +27,7 @@ pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod latency;
 pub mod monte_carlo;
 pub mod outcome;
 pub mod recording_faults;
@@ -84,7 +86,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -129,6 +131,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
+        || bank_campaign::<latency::Latency>(&name, args)?
     {
         return Ok(());
     }
@@ -180,7 +183,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, or merge"
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, or merge"
             )
         }
     };

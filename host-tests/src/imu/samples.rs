@@ -28,6 +28,8 @@ pub struct Recorded {
     pub unit: InertialConfig,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
+    /// How long after its instant an epoch of the receiver beside it arrives, ns.
+    pub receiver_latency_ns: u32,
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -65,12 +67,14 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
     Ok(Recorded {
         unit,
         samples,
+        receiver_latency_ns: settings.receiver_latency_ns()?,
         bad_lines,
     })
 }
 
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
     let mut unit = settings.map(ImuSettings::inertial_config).transpose()?;
+    let mut latency_ns = settings.map(ImuSettings::receiver_latency_ns).transpose()?;
     let mut ingest = Box::new(Ingest::EMPTY);
     let (mut samples, mut rest) = (Vec::new(), bytes);
     loop {
@@ -83,6 +87,9 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
             Event::Imu(sample) => samples.push(sample),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
+            }
+            Event::ReceiverLatency(said_ns) => {
+                latency_ns.get_or_insert(said_ns);
             }
             Event::EpochReady | Event::CorrectedEpochReady => {
                 bail!("it holds observations too: give the whole stream as --gnss, without --imu")
@@ -106,6 +113,7 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
     Ok(Recorded {
         unit,
         samples,
+        receiver_latency_ns: latency_ns.unwrap_or(0),
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }

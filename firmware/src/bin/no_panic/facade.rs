@@ -11,10 +11,7 @@ use surefix_core::gnss::{
     Satellite, SatelliteSet, System,
 };
 use surefix_core::inertial_report::{InertialReport, UnitState};
-use surefix_core::ingest::{
-    self, CorrectedGroup, Ingest, ObservationGroup, decode_magnetic_field, decode_pressure,
-    decode_unit_sample, encode_magnetic_field, encode_pressure, encode_unit_sample,
-};
+use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::alignment::AlignmentMode;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
@@ -42,6 +39,10 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     call1(ingest::decode_ephemeris, bytes);
     call1(ingest::decode_klobuchar, bytes);
     call1(ingest::decode_configuration, bytes);
+    call1(ingest::decode_receiver_fix, bytes);
+    if let Ok(fix) = ingest::decode_receiver_fix(black_box(bytes)) {
+        call2(ingest::encode_receiver_fix, &fix, &mut out);
+    }
     call1(ObservationGroup::decode, bytes);
     if let Ok(group) = ObservationGroup::decode(black_box(bytes)) {
         let refused = |why| {
@@ -207,6 +208,8 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::refused_configurations, &monitor);
     call1(Monitor::store, &monitor);
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
+    call2(Monitor::configure_receiver_latency, &mut monitor, 0);
+    call1(Monitor::navigation_now, &monitor);
     call1(Monitor::tight, &monitor);
     call1(Monitor::opinions, &monitor);
     call1(Monitor::alert_state, &monitor);
@@ -271,12 +274,14 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
         field_s_ut: [20.0, 0.0, 40.0],
     };
     call2(Monitor::on_magnetic_field, &mut monitor, &field);
-    call3(encode_unit_sample, 0, &sample, out);
-    call2(encode_pressure, &pressure, out);
-    call2(encode_magnetic_field, &field, out);
-    call1(decode_unit_sample, bytes);
-    call1(decode_pressure, bytes);
-    call1(decode_magnetic_field, bytes);
+    call3(ingest::encode_unit_sample, 0, &sample, out);
+    call2(ingest::encode_pressure, &pressure, out);
+    call2(ingest::encode_magnetic_field, &field, out);
+    call1(ingest::decode_unit_sample, bytes);
+    call2(ingest::encode_receiver_latency, 120_000_000, out);
+    call1(ingest::decode_receiver_latency, bytes);
+    call1(ingest::decode_pressure, bytes);
+    call1(ingest::decode_magnetic_field, bytes);
 
     let mut satellites = SatelliteReport::EMPTY;
     call3(
@@ -318,7 +323,10 @@ fn tight() {
     );
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
+    call1(TightMonitor::is_loose, &tight);
     call1(TightMonitor::alignment_mode, &tight);
+    call1(TightMonitor::navigation_now, &tight);
+    call1(TightMonitor::horizon, &tight);
     call1(TightMonitor::sigma_attitude_ned_rad, &tight);
     call1(TightMonitor::intake, &tight);
     call1(TightMonitor::navigator, &tight);
