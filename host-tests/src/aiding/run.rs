@@ -94,7 +94,13 @@ pub fn fly_aided(
     let receiver = receiver_bytes(scenario, &RADIO)?;
     if with_unit {
         stream.extend(frame(|out| encode_inertial(&unit(scenario), out))?);
-        interleave(&receiver, &config, Pending::new(&scenario.imu), &mut stream)?;
+        interleave(
+            &receiver,
+            &config,
+            Pending::new(&scenario.imu),
+            |_| 0,
+            &mut stream,
+        )?;
     } else {
         stream.extend(receiver);
     }
