@@ -4,7 +4,7 @@ use crate::call::{call1, call2, call3, call4};
 use core::hint::black_box;
 use surefix_core::ekf::{EpochInformation, Filter, MeasurementRow};
 use surefix_core::gnss::solution::SnapshotWorkspace;
-use surefix_core::ingest::{decode_aids, encode_aids};
+use surefix_core::ingest;
 use surefix_core::ins::{
     AidUse, AidsConfig, Barometer, BarometerModel, Increment, PressureSample, Stationarity,
     ZeroVelocityModel, barometer,
@@ -34,8 +34,8 @@ pub fn all() {
     call1(AidsConfig::check, &BOTH);
     call1(AidUse::from_u8, 1);
     call1(AidUse::name, AidUse::Used);
-    call2(encode_aids, &BOTH, &mut out);
-    call1(decode_aids, &[0_u8; 57]);
+    call2(ingest::encode_aids, &BOTH, &mut out);
+    call1(ingest::decode_aids, &[0_u8; 57]);
     call1(barometer::pressure_altitude_m, 1e5);
     let mut barometer = Barometer::EMPTY;
     call2(Barometer::take, &mut barometer, &SAMPLE);
