@@ -18,7 +18,7 @@ pub mod unit;
 
 pub use aiding::{MagneticSample, PressureSample};
 pub use aids::{AidUse, AidsConfig, AidsConfigError, BarometerModel, ZeroVelocityModel};
-pub use alignment::{CoarseAlignment, NotAligned};
+pub use alignment::{CoarseAlignment, Magnetometer, NotAligned};
 pub use barometer::{Barometer, PressureHeight};
 pub use horizon::{HorizonState, MAX_LATENCY_NS};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
