@@ -82,6 +82,8 @@ pub(crate) struct Horizon {
     too_late: u32,
 }
 
+const _: () = assert!(core::mem::size_of::<Horizon>() <= 12_200);
+
 /// What waits for an epoch, and what came too late.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HorizonState {
