@@ -4,7 +4,7 @@
 //!
 //! One struct per theme, so that each is filled in one place.
 
-use crate::ins::alignment::AlignmentMode;
+use crate::ins::alignment::{AlignmentMode, Obstacle};
 use crate::ins::{HorizonState, MAX_UNITS};
 use crate::report::ReportError;
 use crate::time::GpsTime;
@@ -17,13 +17,16 @@ pub struct AlignmentPart {
     pub mode: AlignmentMode,
     /// One sigma about local north, east, down, as the filter has it, rad; `None` while it does not run.
     pub sigma_ned_rad: Option<[f64; 3]>,
+    /// Why there is none, or why the filter that has one is not believed yet.
+    pub obstacle: Obstacle,
 }
 
 impl AlignmentPart {
-    const LENGTH: usize = 1 + 1 + 3 * 4;
+    const LENGTH: usize = 1 + 1 + 1 + 3 * 4;
 
     fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
         writer.put_u8(self.mode as u8)?;
+        writer.put_u8(self.obstacle as u8)?;
         writer.put_u8(self.sigma_ned_rad.is_some().into())?;
         for sigma_rad in self.sigma_ned_rad.unwrap_or([0.0; 3]) {
             writer.put_f32(sigma_rad as f32)?;
@@ -34,6 +37,8 @@ impl AlignmentPart {
     fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
         let code = reader.u8()?;
         let mode = AlignmentMode::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
+        let code = reader.u8()?;
+        let obstacle = Obstacle::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
         let is_there = flag(reader)?;
         let mut sigma_ned_rad = [0.0; 3];
         for sigma_rad in &mut sigma_ned_rad {
@@ -42,6 +47,7 @@ impl AlignmentPart {
         Ok(Self {
             mode,
             sigma_ned_rad: is_there.then_some(sigma_ned_rad),
+            obstacle,
         })
     }
 }
@@ -283,6 +289,7 @@ mod tests {
             alignment: AlignmentPart {
                 mode: AlignmentMode::Course,
                 sigma_ned_rad: Some([0.25, 0.5, 1.0]),
+                obstacle: Obstacle::NotEarned,
             },
             units: [
                 UnitPart {
@@ -330,7 +337,7 @@ mod tests {
         for cut in 0..payload.len() {
             assert!(InertialReport::decode(&payload[..cut]).is_err());
         }
-        for place in [8, 9] {
+        for place in [8, 9, 10] {
             let mut wrong = payload.to_vec();
             wrong[place] = 200;
             let unknown = ReportError::UnknownCode { code: 200 };

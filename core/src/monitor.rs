@@ -25,9 +25,10 @@ use crate::inertial_report::{
     AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart, UnitState,
 };
 use crate::ingest::{Event, Ingest};
+use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample, PressureSample,
-    UnitSample,
+    InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample, Magnetometer,
+    PressureSample, UnitSample,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -166,6 +167,18 @@ impl Monitor {
         Ok(())
     }
 
+    /// Adds a magnetometer, whose field gives a heading. A frame in the stream does the same, until the first
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`MagnetometerError`]; there is then none.
+    pub fn configure_magnetometer(
+        &mut self,
+        magnetometer: &Magnetometer,
+    ) -> Result<(), MagnetometerError> {
+        self.tight.configure_magnetometer(magnetometer)
+    }
+
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
     /// used. Call again with the rest.
     #[inline(never)]
@@ -215,6 +228,12 @@ impl Monitor {
             Event::ReceiverLatency(latency_ns) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_receiver_latency(latency_ns).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Magnetometer(magnetometer) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_magnetometer(&magnetometer).is_ok();
                 self.note_refusal(is_accepted);
                 None
             }
@@ -299,7 +318,9 @@ impl Monitor {
     pub fn on_pressure(&mut self, _sample: &PressureSample) {}
 
     /// Takes a sample of a magnetometer.
-    pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
+    pub fn on_magnetic_field(&mut self, sample: &MagneticSample) {
+        self.tight.on_field(sample);
+    }
 
     fn note_refusal(&mut self, is_accepted: bool) {
         if !is_accepted {
@@ -418,6 +439,7 @@ impl Monitor {
         let verdict = assessment.verdict;
         let tested = TestedSolution::new(&assessment);
         let mut meter = Meter::new(counter, epoch_begin);
+        self.tight.note_prediction(epoch.time);
         let tight = match memory {
             Some(memory) => self.tight.on_epoch_with_bank(
                 epoch.time,
@@ -435,7 +457,8 @@ impl Monitor {
                 tested.as_ref(),
             ),
         };
-        if with_bank && tight.is_some() {
+        let sigma_velocity_enu_mps = self.tight.velocity_sigma_enu_mps(self.snapshot.workspace());
+        if with_bank && tight.is_some() && self.tight.has_earned() {
             self.readmission
                 .adopt(readmission::union(self.tight.excluded(), named));
         }
@@ -450,7 +473,14 @@ impl Monitor {
                     }
                     _ => true,
                 };
-                if serves {
+                let is_told = serves
+                    && self.tight.earn(
+                        epoch.time,
+                        tight,
+                        tested.and_then(|tested| tested.solution.velocity_enu_mps),
+                        &sigma_velocity_enu_mps,
+                    );
+                if is_told {
                     let opinion = self.tight.opinion().filter(|_| with_bank);
                     report.verdict = match opinion {
                         Some(bank) => {
@@ -464,7 +494,9 @@ impl Monitor {
                     serve(&mut report, tight);
                 }
             }
-            None => self.tight.align(epoch.time, tested.as_ref()),
+            None => self
+                .tight
+                .align(epoch.time, tested.as_ref(), &sigma_velocity_enu_mps),
         }
         report.inertial = self.tight.tell();
         report.suspect = self.snapshot.suspect(&assessment, &report.verdict);
@@ -512,8 +544,12 @@ impl Monitor {
         if let Some(solution) = &fix.solution {
             take_over(&mut report, solution);
         }
+        self.tight.note_prediction(fix.time);
         match self.tight.on_fix(fix) {
-            Some(solution) => self.serve_loose(&mut report, &solution),
+            Some(solution) if self.tight.earn_with_fix(fix, &solution) => {
+                self.serve_loose(&mut report, &solution);
+            }
+            Some(_) => {}
             None => self.tight.align_with_fix(fix),
         }
         report.flags.fix_refused = self.tight.fix_is_refused();
@@ -554,7 +590,7 @@ impl Monitor {
                 .on_silence_with_bank(time, until, memory, &mut meter),
             _ => self.tight.on_silence(time, until),
         };
-        match tight {
+        match tight.filter(|_| self.tight.has_earned()) {
             Some(solution) if is_loose => self.serve_loose(&mut report, &solution),
             Some(tight) => serve(&mut report, &tight),
             None => {}
@@ -679,6 +715,7 @@ impl Monitor {
             alignment: AlignmentPart {
                 mode: self.tight.alignment_mode(),
                 sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
+                obstacle: self.tight.obstacle(),
             },
             units,
             timing: TimingPart {

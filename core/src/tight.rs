@@ -19,12 +19,14 @@ use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
 use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
 use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
-use crate::ins::alignment::{AlignmentMode, CoarseAlignment};
+use crate::ins::alignment::{
+    AlignmentMode, CoarseAlignment, Magnetometer, MagnetometerError, Obstacle,
+};
 use crate::ins::horizon::Horizon;
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
-    AttitudeStart, ImuSample, InertialConfig, InertialConfigError, InitialState, ReferenceModel,
+    ImuSample, InertialConfig, InertialConfigError, InitialState, MagneticSample, ReferenceModel,
 };
 use crate::integrity::{InertialStatus, PhaseRequirements};
 use crate::mhss::bank::{Bank, BankRow, BankVerdict, Secondaries, SubFilters};
@@ -35,6 +37,7 @@ use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
 mod clocks;
+mod earned;
 mod horizon;
 mod jump;
 mod loose;
@@ -44,6 +47,7 @@ mod solution;
 mod start;
 
 use clocks::offset_of;
+use earned::Earned;
 use loose::Loose;
 use recording::RecordingBank;
 
@@ -116,8 +120,6 @@ const OF_ANOTHER_TIME_NS: i64 = 10 * NS_PER_S;
 const MAX_ATTITUDE_AGE_NS: i64 = 10 * NS_PER_S;
 /// A protection level is at least this many sigmas of the position.
 const LEVEL_SIGMAS: f64 = 4.0;
-/// Slowest course an attitude that was lost is found again by, m/s, where none is configured.
-const RESTART_SPEED_MPS: f64 = 2.0;
 /// One sigma of an attitude kept from before, about north, east, down, rad.
 const RESTART_SIGMA_NED_RAD: [f64; 3] = [0.1, 0.1, 0.3];
 /// What a rate may do unseen during a bridged sample, one sigma, rad/s, and a specific force, m/s².
@@ -211,6 +213,10 @@ pub struct TightMonitor {
     remembered: Option<AntennaState<CLOCKS>>,
     /// Where the attitude that the filter started from came from.
     alignment_mode: AlignmentMode,
+    /// Why there is no attitude.
+    obstacle: Obstacle,
+    /// Whether the filter is believed.
+    earned: Earned,
     loose: Loose,
 }
 
@@ -245,6 +251,8 @@ impl TightMonitor {
         untold: None,
         remembered: None,
         alignment_mode: AlignmentMode::None,
+        obstacle: Obstacle::None,
+        earned: Earned::NOTHING,
         loose: Loose::OFF,
     };
 
@@ -264,7 +272,7 @@ impl TightMonitor {
         }
         self.intake.configure(inertial);
         self.horizon.restart();
-        self.alignment.configure(&inertial.start);
+        self.alignment.configure(inertial);
         self.last_attitude = None;
         self.counted = None;
         self.last_epoch = None;
@@ -334,9 +342,42 @@ impl TightMonitor {
     }
 
     /// The same for the report of an epoch: the first to be made after tight mode ended says why it
-    /// did, whatever has become of it since.
+    /// did, whatever has become of it since. A filter that is not believed yet still aligns.
     pub(crate) fn tell(&mut self) -> InertialStatus {
-        self.untold.take().unwrap_or(self.status)
+        let status = match self.status {
+            InertialStatus::Running if !self.earned.is_earned() => InertialStatus::Aligning,
+            status => status,
+        };
+        self.untold.take().unwrap_or(status)
+    }
+
+    /// There is a magnetometer.
+    ///
+    /// # Errors
+    /// [`MagnetometerError`]; there is then none.
+    pub fn configure_magnetometer(
+        &mut self,
+        magnetometer: &Magnetometer,
+    ) -> Result<(), MagnetometerError> {
+        magnetometer.check()?;
+        self.alignment.set_magnetometer(magnetometer);
+        Ok(())
+    }
+
+    /// A sample of the magnetometer.
+    pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
+        if let Some(sample) = self.horizon.put_field(sample) {
+            self.take_field(&sample);
+        }
+    }
+
+    /// Why there is no attitude, or why the filter that has one is not believed.
+    pub const fn obstacle(&self) -> Obstacle {
+        match (self.is_running(), self.earned.is_earned()) {
+            (true, true) => Obstacle::None,
+            (true, false) => Obstacle::NotEarned,
+            (false, _) => self.obstacle,
+        }
     }
 
     /// Where the attitude that the filter started from came from.
@@ -366,6 +407,7 @@ impl TightMonitor {
             self.release(state.time);
             self.alignment_mode = AlignmentMode::Given;
             self.start_with(&config, state);
+            self.earned = Earned::start(AlignmentMode::Given, &[0.0; 3]);
         }
     }
 
@@ -594,15 +636,13 @@ impl TightMonitor {
     /// only.
     fn lose(&mut self, status: InertialStatus) {
         if self.is_running() {
-            // The attitude of a filter that went wrong is what may be wrong with it.
-            self.last_attitude = (status != InertialStatus::Unhealthy)
+            // The attitude of a filter that went wrong is what may be wrong with it, and that of one that
+            // was not believed yet is none to keep.
+            let is_unhealthy = status == InertialStatus::Unhealthy;
+            self.last_attitude = (!is_unhealthy && self.earned.is_earned())
                 .then_some((self.navigator.mechanisation().q_e_b, self.navigator.time()));
-            let min_speed_mps = match self.config.as_ref().map(|config| &config.start) {
-                Some(AttitudeStart::Course { min_speed_mps }) => *min_speed_mps,
-                _ => RESTART_SPEED_MPS,
-            };
-            self.alignment
-                .configure(&AttitudeStart::Course { min_speed_mps });
+            let by_field = self.alignment_mode == AlignmentMode::MagneticField;
+            self.alignment.resume(!(is_unhealthy && by_field));
         } else {
             self.alignment.restart();
         }
@@ -610,6 +650,8 @@ impl TightMonitor {
         self.untold.get_or_insert(status);
         self.diverged = 0;
         self.late = 0;
+        self.obstacle = Obstacle::None;
+        self.earned = Earned::NOTHING;
     }
 
     /// A sample of the inertial unit.

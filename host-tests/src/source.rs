@@ -23,12 +23,12 @@ use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
-    encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
-    encode_receiver_latency, encode_reference_model, encode_unit_sample,
+    encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
+    encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit_sample,
 };
 use surefix_core::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
+    ReferenceModel, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -70,6 +70,8 @@ pub enum FilterInput {
     MagneticField(MagneticSample),
     /// How long after its instant an epoch arrives at the least, ns.
     Latency(u32),
+    /// What is known of a magnetometer.
+    Magnetometer(Box<Magnetometer>),
     /// A state to start from.
     State(Box<InitialState>),
     /// The requirements of a scenario.
@@ -444,6 +446,9 @@ fn decode_frames(
             Event::InitialState(state) => {
                 items.push(Item::ForFilter(FilterInput::State(Box::new(state))));
             }
+            Event::Magnetometer(known) => {
+                items.push(Item::ForFilter(FilterInput::Magnetometer(Box::new(known))));
+            }
             Event::ReferenceModel(model) => {
                 items.push(Item::ForFilter(FilterInput::Model(Box::new(model))));
             }
@@ -482,6 +487,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
                 | FilterInput::Latency(_)
+                | FilterInput::Magnetometer(_)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -591,6 +597,7 @@ impl FrameWriter {
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
                 FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),
+                FilterInput::Magnetometer(known) => encode_magnetometer(&known, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
                 FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
@@ -652,6 +659,9 @@ pub fn stream_with(
         writer.append(|out| encode_inertial(&imu.unit, out));
         if imu.receiver_latency_ns > 0 {
             writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
+        }
+        if let Some(magnetometer) = &imu.magnetometer {
+            writer.append(|out| encode_magnetometer(magnetometer, out));
         }
     }
     let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));

@@ -7,6 +7,7 @@ use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
 use super::latency::decode_receiver_latency;
+use super::magnetometer::decode_magnetometer;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
@@ -617,6 +618,9 @@ impl Assembler {
             Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
                 decode_receiver_latency(frame.payload())?,
             )),
+            Some(Kind::Magnetometer) => {
+                Outcome::UsedGives(Event::Magnetometer(decode_magnetometer(frame.payload())?))
+            }
             Some(Kind::InitialState) => {
                 Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))
             }

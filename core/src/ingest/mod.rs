@@ -14,6 +14,7 @@ mod convert;
 mod corrected;
 mod inertial;
 mod latency;
+mod magnetometer;
 mod payload;
 mod receiver_fix;
 mod week;
@@ -30,6 +31,7 @@ pub use inertial::{
     encode_inertial, encode_initial_state, encode_reference_model,
 };
 pub use latency::{decode_receiver_latency, encode_receiver_latency};
+pub use magnetometer::{decode_magnetometer, encode_magnetometer};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
@@ -42,8 +44,8 @@ pub use receiver_fix::{
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch, ReceiverFix};
 use crate::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
+    ReferenceModel, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -85,6 +87,8 @@ pub enum Event {
     MagneticField(MagneticSample),
     /// How long after its instant an epoch arrives at the least, ns.
     ReceiverLatency(u32),
+    /// What is known of a magnetometer, checked.
+    Magnetometer(Magnetometer),
     /// A state to start from.
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.

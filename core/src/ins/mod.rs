@@ -14,7 +14,7 @@ pub mod sample;
 pub mod unit;
 
 pub use aiding::{MagneticSample, PressureSample};
-pub use alignment::{CoarseAlignment, NotAligned};
+pub use alignment::{CoarseAlignment, Magnetometer, NotAligned};
 pub use horizon::{HorizonState, MAX_LATENCY_NS};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};

@@ -219,9 +219,9 @@ impl TightMonitor {
         Ok(())
     }
 
-    /// Satellites that the bank has excluded: no opinion uses them.
+    /// Satellites that the bank has excluded: no opinion uses them, once its filters are believed.
     pub(crate) fn excluded(&self) -> SatelliteSet {
-        if self.is_running() {
+        if self.has_earned() {
             self.bank.excluded()
         } else {
             SatelliteSet::EMPTY

@@ -1,7 +1,9 @@
 //! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
 
 use super::*;
-use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
+use crate::ins::{
+    AttitudeStart, ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange,
+};
 use crate::integrity::Phase;
 use std::boxed::Box;
 
@@ -101,7 +103,7 @@ fn why_tight_mode_ended_is_told_once_whatever_came_after() {
     feed(&mut tight, 0, 500);
     feed(&mut tight, 700, 1000);
     tight.meets(at(1000));
-    tight.align(at(1000), None);
+    tight.align(at(1000), None, &[0.1; 3]);
     assert_eq!(tight.status(), InertialStatus::Aligning);
     assert_eq!(tight.tell(), InertialStatus::ImuSilent);
     assert_eq!(tight.tell(), InertialStatus::Aligning);
@@ -293,4 +295,82 @@ fn a_state_that_is_given_late_goes_on_from_its_own_time() {
     assert_eq!(tight.navigation_now().map(|now| now.time), Some(at(300)));
     tight.meets(at(200)).unwrap();
     assert_eq!(tight.navigator.time(), at(200));
+}
+
+/// A snapshot solution of a receiver at rest where [`running`] stands.
+fn standing() -> SnapshotSolution {
+    let r_e_m = [6_378_137.0, 0.0, 0.0];
+    SnapshotSolution {
+        r_e_m,
+        llh: geodesy::to_llh(&r_e_m.into()).unwrap(),
+        clock_m: [Some(0.0); 3],
+        velocity_enu_mps: Some([0.01, -0.02, 0.03]),
+        clock_drift_mps: Some(0.0),
+        used: SatelliteSet::EMPTY,
+        n_observed: 8,
+        unused: [0; crate::gnss::solution::SATELLITE_REASONS],
+        no_broadcast_ionosphere: false,
+        steps: 1,
+    }
+}
+
+/// Epochs every ten seconds over a silence of the unit from 1 s to `silent_s`; then three with samples.
+fn after_a_silence(start: AttitudeStart, silent_s: i64) -> Box<TightMonitor> {
+    let mut tight = running();
+    let unit = InertialConfig { start, ..UNIT };
+    tight.config = Some(unit);
+    feed(&mut tight, 0, 1000);
+    tight.lose(InertialStatus::ImuSilent);
+    let solution = standing();
+    let tested = TestedSolution {
+        solution: &solution,
+        levels_m: [5.0, 8.0],
+    };
+    for second in (10..=silent_s).step_by(10) {
+        tight.meets(at(1000 * second));
+        tight.align(at(1000 * second), Some(&tested), &[0.05; 3]);
+        assert!(!tight.is_running());
+    }
+    for second in silent_s + 1..=silent_s + 3 {
+        feed(&mut tight, 1000 * (second - 1), 1000 * second);
+        if !tight.is_running() {
+            tight.meets(at(1000 * second));
+            tight.align(at(1000 * second), Some(&tested), &[0.05; 3]);
+        }
+    }
+    tight
+}
+
+/// INT-101.
+#[test]
+fn int_101_a_unit_at_rest_comes_back_by_the_heading_that_it_was_given() {
+    let given = AttitudeStart::Given {
+        roll_pitch_heading_rad: [0.0; 3],
+    };
+    let tight = after_a_silence(given, 300);
+    assert_eq!(tight.status(), InertialStatus::Running);
+    assert_eq!(tight.alignment_mode(), AlignmentMode::Kept);
+    let [north, east, heading] = tight.sigma_attitude_ned_rad().unwrap();
+    // Levelled anew, the heading widened.
+    assert!(north < 0.01 && east < 0.01 && (heading - 0.3).abs() < 1e-3);
+    // Where nobody said that it is mounted on what does not turn, nobody saw whether it did.
+    let course = AttitudeStart::Course { min_speed_mps: 5.0 };
+    let tight = after_a_silence(course, 300);
+    assert!(!tight.is_running());
+    assert_eq!(tight.obstacle(), Obstacle::TooSlow);
+    let tight = after_a_silence(course, 10);
+    assert!(tight.is_running());
+}
+
+/// INT-101.
+#[test]
+fn int_101_a_filter_that_has_not_earned_it_keeps_no_attitude() {
+    let mut tight = running();
+    tight.earned = Earned::start(AlignmentMode::MagneticField, &[0.01; 3]);
+    feed(&mut tight, 0, 1000);
+    assert!(tight.is_running() && !tight.has_earned());
+    assert_eq!(tight.tell(), InertialStatus::Aligning);
+    assert!(tight.excluded().is_empty());
+    tight.lose(InertialStatus::ImuSilent);
+    assert_eq!(tight.last_attitude, None);
 }

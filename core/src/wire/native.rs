@@ -78,6 +78,8 @@ pub enum Kind {
     Satellites = 20,
     /// The inertial side at an epoch, after its report.
     InertialReport = 21,
+    /// What is known of a magnetometer and of the field where it is, into the monitor.
+    Magnetometer = 32,
     /// The receiver's own solution, into the monitor.
     ReceiverFix = 33,
 }
@@ -106,6 +108,7 @@ impl Kind {
             19 => Self::Bank,
             20 => Self::Satellites,
             21 => Self::InertialReport,
+            32 => Self::Magnetometer,
             33 => Self::ReceiverFix,
             _ => return None,
         })

@@ -11,7 +11,7 @@ use super::{field, t_s};
 
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
-    sigma_heading_deg,unit_0,unit_1,unit_2,lead_of_samples_s,\
+    sigma_heading_deg,obstacle,unit_0,unit_1,unit_2,lead_of_samples_s,\
     latency_s,held_samples,epochs_too_late,now_t_s,now_x_m,now_y_m,now_z_m,now_vx_mps,now_vy_mps,now_vz_mps";
 
 /// Writes `inertial.csv`; `inertial` is beside the reports.
@@ -34,6 +34,7 @@ pub fn write_inertial(
             let sigma_rad = inertial.alignment.sigma_ned_rad.map(|sigma| sigma[axis]);
             field(&mut line, sigma_rad.map(f64::to_degrees));
         }
+        let _ = write!(line, ",{}", inertial.alignment.obstacle.name());
         for unit in &inertial.units {
             let _ = write!(line, ",{}", unit.state.name());
         }

@@ -15,8 +15,8 @@ use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::alignment::AlignmentMode;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, MagneticSample, MeasurementFactors, PressureSample, ReferenceModel, SensorRange,
-    UnitSample,
+    InitialState, MagneticSample, Magnetometer, MeasurementFactors, PressureSample, ReferenceModel,
+    SensorRange, UnitSample,
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
@@ -130,7 +130,20 @@ pub const UNIT: InertialConfig = InertialConfig {
     },
 };
 
+pub const MAGNETOMETER: Magnetometer = Magnetometer {
+    hard_iron_s_ut: [10.0, 0.0, 0.0],
+    soft_iron_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    declination_rad: 0.1,
+    sigma_declination_rad: 0.01,
+    declination_year: 2026.0,
+    dip_rad: 1.0,
+    strength_ut: 50.0,
+    sigma_ut: 0.5,
+};
+
 fn inertial(bytes: &[u8], out: &mut [u8]) {
+    call2(ingest::encode_magnetometer, &MAGNETOMETER, &mut *out);
+    call1(ingest::decode_magnetometer, bytes);
     call1(InertialConfig::check, &UNIT);
     call2(ingest::encode_imu, &SAMPLE, &mut *out);
     call2(ingest::encode_inertial, &UNIT, &mut *out);
@@ -210,6 +223,7 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
     call2(Monitor::configure_receiver_latency, &mut monitor, 0);
     call1(Monitor::navigation_now, &monitor);
+    call2(Monitor::configure_magnetometer, &mut monitor, &MAGNETOMETER);
     call1(Monitor::tight, &monitor);
     call1(Monitor::opinions, &monitor);
     call1(Monitor::alert_state, &monitor);
@@ -324,6 +338,13 @@ fn tight() {
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
     call1(TightMonitor::is_loose, &tight);
+    call2(
+        TightMonitor::configure_magnetometer,
+        &mut tight,
+        &MAGNETOMETER,
+    );
+    call1(TightMonitor::has_earned, &tight);
+    call1(TightMonitor::obstacle, &tight);
     call1(TightMonitor::alignment_mode, &tight);
     call1(TightMonitor::navigation_now, &tight);
     call1(TightMonitor::horizon, &tight);
