@@ -370,8 +370,8 @@ impl TightMonitor {
 
     /// A sample of the magnetometer.
     pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
-        if !self.is_running() {
-            self.alignment.on_field(sample);
+        if let Some(sample) = self.horizon.put_field(sample) {
+            self.take_field(&sample);
         }
     }
 
