@@ -11,6 +11,7 @@ pub mod intake;
 pub mod mechanisation;
 pub mod sample;
 pub mod unit;
+pub mod voting;
 
 pub use aiding::{MagneticSample, PressureSample};
 pub use alignment::{CoarseAlignment, NotAligned};
@@ -21,3 +22,7 @@ pub use sample::{
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
 pub use unit::{MAX_UNITS, UnitSample};
+pub use voting::{
+    UnitConfig, UnitFault, UnitState, UnitTolerance, UnitsConfig, Voting, VotingConfigureError,
+    VotingMode,
+};
