@@ -23,11 +23,11 @@ use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
     encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
-    encode_reference_model, encode_unit_sample,
+    encode_reference_model, encode_unit, encode_unit_sample,
 };
 use surefix_core::ins::{
     ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    UnitConfig, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -60,6 +60,8 @@ pub enum FilterInput {
     Unit(Box<InertialConfig>),
     /// An inertial sample.
     Sample(ImuSample),
+    /// What is known of the unit of a number, of those that vote.
+    VotingUnit(u8, Box<UnitConfig>),
     /// A sample of the unit of a number.
     UnitSample(u8, UnitSample),
     /// A sample of a barometer.
@@ -413,6 +415,9 @@ fn decode_frames(
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
             }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
+            Event::Unit { unit, config } => {
+                items.push(Item::ForFilter(FilterInput::VotingUnit(unit, Box::new(config))));
+            }
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
             }
@@ -459,6 +464,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
+                | FilterInput::VotingUnit(..)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -560,6 +566,7 @@ impl FrameWriter {
             Item::ForFilter(input) => self.append(|out| match input {
                 FilterInput::Unit(unit) => encode_inertial(&unit, out),
                 FilterInput::Sample(sample) => encode_imu(&sample, out),
+                FilterInput::VotingUnit(unit, config) => encode_unit(unit, &config, out),
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),

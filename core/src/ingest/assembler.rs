@@ -6,6 +6,7 @@ use super::corrected::CorrectedAssembler;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
+use super::units::decode_unit;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
@@ -520,6 +521,10 @@ impl Assembler {
                 count(&mut counters.imu_samples);
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::Imu(sample))
+            }
+            Some(Kind::Unit) => {
+                let (unit, config) = decode_unit(frame.payload())?;
+                Outcome::UsedGives(Event::Unit { unit, config })
             }
             Some(Kind::UnitSample) => {
                 let (unit, mut sample) = decode_unit_sample(frame.payload())?;

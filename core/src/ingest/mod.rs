@@ -14,6 +14,7 @@ mod convert;
 mod corrected;
 mod inertial;
 mod payload;
+mod units;
 mod week;
 
 use assembler::{Assembler, Outcome};
@@ -33,11 +34,13 @@ pub use payload::{
     encode_ephemeris, encode_klobuchar, encode_observations,
 };
 
+pub use units::{UNIT_FRAME_LENGTH, decode_unit, encode_unit};
+
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch};
 use crate::ins::{
     ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    UnitConfig, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -66,6 +69,13 @@ pub enum Event {
     Inertial(InertialConfig),
     /// An inertial sample. Its increments may be no numbers.
     Imu(ImuSample),
+    /// What is known of the inertial unit of this number, checked.
+    Unit {
+        /// Number of the unit, below [`crate::ins::MAX_UNITS`].
+        unit: u8,
+        /// What is known of it.
+        config: UnitConfig,
+    },
     /// A sample of the inertial unit of this number. Its increments may be no numbers.
     UnitSample {
         /// Number of the unit, below [`crate::ins::MAX_UNITS`].

@@ -23,6 +23,5 @@ pub use sample::{
 };
 pub use unit::{MAX_UNITS, UnitSample};
 pub use voting::{
-    UnitConfig, UnitFault, UnitState, UnitTolerance, UnitsConfig, Voting, VotingConfigureError,
-    VotingMode,
+    UnitConfig, UnitFault, UnitState, UnitTolerance, Voting, VotingConfigureError, VotingMode,
 };

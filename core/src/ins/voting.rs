@@ -32,7 +32,7 @@ mod noise;
 mod parity;
 mod states;
 
-pub use config::{UnitConfig, UnitTolerance, UnitsConfig};
+pub use config::{UnitConfig, UnitTolerance};
 pub use states::{UnitFault, UnitState, VotingMode};
 
 use nalgebra::Vector3;
@@ -252,21 +252,16 @@ impl Voting {
         is_disturbed: false,
     };
 
-    /// Begins with these units; the output has a sample every `interval_ns`, 2.5 to 20 ms.
+    /// Begins without units; the output has a sample every `interval_ns`, 2.5 to 20 ms.
     ///
     /// # Errors
     /// [`VotingConfigureError`]; the vote then stays as it was.
-    pub fn configure(
-        &mut self,
-        config: &UnitsConfig,
-        interval_ns: u32,
-    ) -> Result<(), VotingConfigureError> {
+    pub fn begin(&mut self, interval_ns: u32) -> Result<(), VotingConfigureError> {
         if !super::sample::INTERVAL_NS.contains(&interval_ns) {
             return Err(VotingConfigureError::Config(
                 InertialConfigError::Interval { interval_ns },
             ));
         }
-        config.check().map_err(VotingConfigureError::Config)?;
         let cell_ns = i64::from(interval_ns);
         let cell_s = seconds(cell_ns);
         let quantile = |every_s| Quantiles::of(every_s).map_err(VotingConfigureError::Stats);
@@ -285,16 +280,39 @@ impl Voting {
         self.clear();
         (self.cell_ns, self.cell_s) = (cell_ns, cell_s);
         (self.lengths, self.quantiles) = (lengths, quantiles);
-        let all = self.units.iter_mut().zip(&mut self.spread);
-        for ((unit, spread), config) in all.zip(&config.units) {
-            let Some(config) = config else { continue };
-            let model = UnitModel::new(config, cell_ns);
-            *spread = model.first;
-            unit.model = Some(model);
-            unit.interval_ns = config.interval_ns.into();
-            unit.state = UnitState::Used;
-            unit.grid.configure(config);
+        Ok(())
+    }
+
+    /// Adds the unit of a number, after [`Voting::begin`], or takes another for it. All learning begins anew.
+    ///
+    /// # Errors
+    /// [`VotingConfigureError`]; the vote then stays as it was. No unit has the number: an interval of 0.
+    pub fn add(&mut self, number: u8, config: &UnitConfig) -> Result<(), VotingConfigureError> {
+        config.check().map_err(VotingConfigureError::Config)?;
+        let number = usize::from(number);
+        if number >= MAX_UNITS || self.cell_ns == 0 {
+            return Err(VotingConfigureError::Config(
+                InertialConfigError::Interval { interval_ns: 0 },
+            ));
         }
+        let all = self.units.iter_mut().zip(&mut self.spread).enumerate();
+        for (place, (unit, spread)) in all {
+            if place == number {
+                let model = UnitModel::new(config, self.cell_ns);
+                unit.model = Some(model);
+                unit.interval_ns = config.interval_ns.into();
+                unit.state = UnitState::Used;
+                unit.fault = UnitFault::None;
+                unit.grid.configure(config);
+            }
+            if let Some(model) = &unit.model {
+                *spread = model.first;
+            }
+            unit.age_s = 0.0;
+        }
+        self.learned = [ZERO; MAX_UNITS];
+        self.learned_force = None;
+        self.restart_grid();
         self.begin_blocks();
         Ok(())
     }
@@ -369,7 +387,12 @@ impl Voting {
 
     /// Whether there are units to vote.
     pub fn is_configured(&self) -> bool {
-        self.cell_ns > 0
+        self.units.iter().any(|unit| unit.model.is_some())
+    }
+
+    /// Interval of the output, ns; 0 before [`Voting::begin`].
+    pub fn interval_ns(&self) -> u32 {
+        u32::try_from(self.cell_ns).unwrap_or(0)
     }
 
     /// State of a unit, and why it is not used.

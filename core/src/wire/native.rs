@@ -64,6 +64,8 @@ pub enum Kind {
     Pressure = 12,
     /// A sample of a magnetometer, into the monitor.
     MagneticField = 13,
+    /// What is known of one of several inertial units, into the monitor.
+    Unit = 14,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -95,6 +97,7 @@ impl Kind {
             11 => Self::UnitSample,
             12 => Self::Pressure,
             13 => Self::MagneticField,
+            14 => Self::Unit,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,

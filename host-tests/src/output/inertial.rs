@@ -10,7 +10,7 @@ use super::{field, t_s};
 
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
-    sigma_heading_deg,unit_0,unit_1,unit_2,lead_of_samples_s";
+    sigma_heading_deg,voting,unit_0,unit_1,unit_2,fault_0,fault_1,fault_2,lead_of_samples_s";
 
 /// Writes `inertial.csv`; `inertial` is beside the reports.
 ///
@@ -32,8 +32,12 @@ pub fn write_inertial(
             let sigma_rad = inertial.alignment.sigma_ned_rad.map(|sigma| sigma[axis]);
             field(&mut line, sigma_rad.map(f64::to_degrees));
         }
+        let _ = write!(line, ",{}", inertial.voting.name());
         for unit in &inertial.units {
             let _ = write!(line, ",{}", unit.state.name());
+        }
+        for unit in &inertial.units {
+            let _ = write!(line, ",{}", unit.fault.name());
         }
         let lead_ns = inertial.timing.lead_of_samples_ns;
         field(&mut line, lead_ns.map(|ns| ns as f64 / 1e9));

@@ -4,7 +4,7 @@
 //! may lie apart: first biases, scale factors with misalignments, time stamps.
 
 use crate::ins::sample::{INTERVAL_NS, MAX_LEVER_ARM_M, is_rotation};
-use crate::ins::{InertialConfigError, InertialNoise, MAX_UNITS, SensorRange};
+use crate::ins::{InertialConfigError, InertialNoise, SensorRange};
 
 /// Largest scale error or misalignment that is one of a measuring instrument.
 const MAX_SCALE: f64 = 0.1;
@@ -39,13 +39,6 @@ pub struct UnitConfig {
     pub range: SensorRange,
     /// What it may be off by while healthy.
     pub tolerance: UnitTolerance,
-}
-
-/// The units that vote, in the order of their numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct UnitsConfig {
-    /// `None` where there is no unit of that number.
-    pub units: [Option<UnitConfig>; MAX_UNITS],
 }
 
 impl UnitConfig {
@@ -100,40 +93,5 @@ impl UnitConfig {
             }
         }
         Ok(())
-    }
-}
-
-impl UnitsConfig {
-    /// Nobody.
-    pub const EMPTY: Self = Self {
-        units: [None; MAX_UNITS],
-    };
-
-    /// Checks every unit.
-    ///
-    /// # Errors
-    /// [`InertialConfigError`] of the first unit that has one; an interval of 0 where there is no unit.
-    pub fn check(&self) -> Result<(), InertialConfigError> {
-        if self.units.iter().all(Option::is_none) {
-            return Err(InertialConfigError::Interval { interval_ns: 0 });
-        }
-        self.units
-            .iter()
-            .flatten()
-            .try_for_each(UnitConfig::check)
-    }
-
-    /// Noise that holds for what the vote gives, however many units are left: that of the noisiest.
-    pub fn noise(&self) -> InertialNoise {
-        let most = |of: fn(&InertialNoise) -> f64| {
-            let all = self.units.iter().flatten();
-            all.fold(0.0, |most, unit| libm::fmax(most, of(&unit.noise)))
-        };
-        InertialNoise {
-            arw: most(|noise| noise.arw),
-            vrw: most(|noise| noise.vrw),
-            gyro_bias_walk: most(|noise| noise.gyro_bias_walk),
-            accel_bias_walk: most(|noise| noise.accel_bias_walk),
-        }
     }
 }

@@ -43,8 +43,12 @@ const RATE: f64 = 0.2;
 impl Rig {
     fn new(configs: [Option<UnitConfig>; MAX_UNITS]) -> Self {
         let mut voting = Voting::EMPTY;
-        let config = UnitsConfig { units: configs };
-        voting.configure(&config, 10_000_000).unwrap();
+        voting.begin(10_000_000).unwrap();
+        for (number, config) in configs.iter().enumerate() {
+            if let Some(config) = config {
+                voting.add(number as u8, config).unwrap();
+            }
+        }
         Self {
             voting,
             configs,
@@ -423,10 +427,7 @@ fn lever_arms_and_mountings_are_taken_out() {
     let mut wrong = forward;
     wrong.lever_arm_b_m = [-0.8, 0.0, 0.0];
     let mut rig = Rig::new([Some(tactical()), Some(forward), Some(left)]);
-    let config = UnitsConfig {
-        units: [Some(tactical()), Some(wrong), Some(left)],
-    };
-    rig.voting.configure(&config, 10_000_000).unwrap();
+    rig.voting.add(1, &wrong).unwrap();
     rig.run(200.0, healthy);
     assert_ne!(rig.voting.unit(1).1, UnitFault::None, "a wrong arm shows");
 }
