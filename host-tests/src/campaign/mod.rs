@@ -11,6 +11,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -34,6 +35,7 @@ pub mod sky;
 pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
+pub mod voting;
 
 use std::path::{Path, PathBuf};
 
@@ -82,7 +84,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert), or `merge` to add results of shards
+    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -127,6 +129,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
+        || bank_campaign::<voting::VotingCampaign>(&name, args)?
     {
         return Ok(());
     }
@@ -169,7 +172,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, or merge"
+                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, or merge"
             )
         }
     };

@@ -38,7 +38,7 @@ use receiver::{Conditions, Epoch, Receiver};
 use stream::{Format, Stream};
 
 /// Time of week of the first epoch, s: ten minutes past a reference time of the ephemerides.
-const START_TOW_S: i64 = 274_200;
+pub(crate) const START_TOW_S: i64 = 274_200;
 /// Longest simulation, s.
 const MAX_DURATION_S: f64 = 172_800.0;
 
