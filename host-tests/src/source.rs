@@ -35,7 +35,7 @@ use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::{native, scanner, ubx};
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
-use crate::imu::{self, Pending, Recorded};
+use crate::imu::{self, Measured, Pending, Recorded};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
 };
@@ -598,6 +598,23 @@ fn two_units(gnss: &Path) -> anyhow::Error {
     )
 }
 
+/// Whether a stream has inertial samples of its own.
+fn is_sample(item: &Item) -> bool {
+    matches!(
+        item,
+        Item::ForFilter(FilterInput::Sample(_) | FilterInput::UnitSample(..))
+    )
+}
+
+impl From<Measured> for FilterInput {
+    fn from(measured: Measured) -> Self {
+        match measured {
+            Measured::Alone(sample) => Self::Sample(sample),
+            Measured::OfUnit(unit, sample) => Self::UnitSample(unit, sample),
+        }
+    }
+}
+
 /// Makes the bytes to send to a monitor; `imu` is what a unit measured meanwhile.
 ///
 /// # Errors
@@ -613,15 +630,19 @@ pub fn stream(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
+        for (unit, config) in &imu.units {
+            writer.append(|out| encode_unit(*unit, config, out));
+        }
     }
-    let mut pending = imu.map(|imu| Pending::new(&imu.samples));
+    let measured = imu.map(Recorded::measured);
+    let mut pending = measured.as_deref().map(Pending::new);
     let raw = rinex::read_unzipped(gnss)?;
     let format = recognise(&raw, gnss)?;
     if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
         // As recorded; decoded beside that for the station's position and the number of epochs.
         let mut has_samples = false;
         let info = decode(gnss, nav, config, &mut |item| {
-            has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+            has_samples |= is_sample(&item);
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
@@ -642,11 +663,11 @@ pub fn stream(
     }
     let mut has_samples = false;
     let info = decode(gnss, nav, config, &mut |item| {
-        has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+        has_samples |= is_sample(&item);
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
             pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
-                writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+                writer.write(Item::ForFilter((*sample).into()));
             });
         }
         writer.write(item);
@@ -656,7 +677,7 @@ pub fn stream(
             return Err(two_units(gnss));
         }
         pending.finish(&mut |sample| {
-            writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+            writer.write(Item::ForFilter((*sample).into()));
         })?;
     }
     writer.coverage.check()?;

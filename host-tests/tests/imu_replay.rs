@@ -112,6 +112,8 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .inertial_config()
             .unwrap(),
         samples,
+        units: Vec::new(),
+        unit_samples: Vec::new(),
         bad_lines: 0,
     }
 }

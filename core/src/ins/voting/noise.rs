@@ -12,7 +12,7 @@
 //! A delay makes d_ij = −δ g: linear regression. d is of one block and g of its neighbours on both sides,
 //! so that the two have no noise in common.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::blocks::Block;
 use super::grid::Channels;
@@ -102,8 +102,9 @@ pub(super) struct Delay {
     accelerations: f64,
     /// What noise makes of it.
     noise: f64,
-    /// Σ of rate times angular acceleration, per axis, and Σ of the latter: what scale errors and biases do.
-    rates: Vector3<f64>,
+    /// Σ of the angular acceleration of one axis times the rate of each, and Σ of the former: what scale
+    /// errors with misalignments, and biases, make of the products.
+    rates: Matrix3<f64>,
     sum: Vector3<f64>,
 }
 
@@ -118,7 +119,7 @@ impl Delay {
         products: [0.0; MAX_UNITS],
         accelerations: 0.0,
         noise: 0.0,
-        rates: Vector3::new(0.0, 0.0, 0.0),
+        rates: Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         sum: Vector3::new(0.0, 0.0, 0.0),
     };
 
@@ -147,7 +148,7 @@ impl Delay {
             self.accelerations = self.accelerations * KEEP + g.norm_squared();
             // Three axes, two means of the noise of one unit at the most.
             self.noise = self.noise * KEEP + 1.5 * white / (length_s * length_s * length_s);
-            self.rates = self.rates * KEEP + last.component_mul(&g);
+            self.rates = self.rates * KEEP + g * last.transpose();
             self.sum = self.sum * KEEP + g;
         }
         self.middles = [Some(middle), last];

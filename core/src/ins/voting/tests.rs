@@ -162,6 +162,7 @@ fn healthy(_: usize, _: &mut UnitSample) -> bool {
     true
 }
 
+/// INT-086
 #[test]
 fn a_healthy_trio_gives_the_mean_and_nobody_is_isolated() {
     let mut rig = Rig::three();
@@ -187,6 +188,7 @@ fn a_healthy_trio_gives_the_mean_and_nobody_is_isolated() {
     }
 }
 
+/// INT-090
 #[test]
 fn the_output_ends_where_its_cell_does_and_waits_for_nobody_longer_than_told() {
     let slow = UnitConfig {
@@ -220,6 +222,7 @@ fn the_output_ends_where_its_cell_does_and_waits_for_nobody_longer_than_told() {
     assert!(ends.windows(2).all(|pair| pair[1] - pair[0] == 10_000_000));
 }
 
+/// INT-085
 #[test]
 fn each_kind_of_fault_isolates_its_unit_and_no_other() {
     let at_ns = 30_000_000_000;
@@ -314,6 +317,7 @@ fn each_kind_of_fault_isolates_its_unit_and_no_other() {
     }
 }
 
+/// INT-085
 #[test]
 fn a_delayed_unit_is_called_so() {
     let mut rig = Rig::three();
@@ -329,6 +333,7 @@ fn a_delayed_unit_is_called_so() {
     assert_eq!(states, [UnitFault::None, UnitFault::Delay, UnitFault::None]);
 }
 
+/// INT-091
 #[test]
 fn two_units_that_differ_give_nothing_until_they_agree_again() {
     let mut rig = Rig::new([Some(tactical()), None, Some(tactical())]);
@@ -357,6 +362,7 @@ fn one_unit_is_passed_on_unmonitored() {
     assert_eq!(rig.output.len(), 1000);
 }
 
+/// INT-093
 #[test]
 fn an_isolated_unit_comes_back_after_a_minute_of_health_and_later_each_time() {
     let mut rig = Rig::three();
@@ -378,6 +384,7 @@ fn an_isolated_unit_comes_back_after_a_minute_of_health_and_later_each_time() {
     assert!((119.0..=123.0).contains(&back[1]), "{back:?}");
 }
 
+/// INT-090
 #[test]
 fn a_pause_of_all_units_is_none_of_any() {
     let mut rig = Rig::three();
@@ -390,6 +397,7 @@ fn a_pause_of_all_units_is_none_of_any() {
     assert_eq!(rig.states(), [UnitFault::None; 3]);
 }
 
+/// INT-090
 #[test]
 fn a_unit_whose_clock_leaps_does_not_take_the_others_along() {
     for leap_ns in [3_600_000_000_000, -3_600_000_000_000, 500_000_000, 90_000_000] {
@@ -407,6 +415,7 @@ fn a_unit_whose_clock_leaps_does_not_take_the_others_along() {
     }
 }
 
+/// INT-086
 #[test]
 fn lever_arms_and_mountings_are_taken_out() {
     let mut forward = tactical();
