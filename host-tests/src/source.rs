@@ -416,7 +416,10 @@ fn decode_frames(
             }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
             Event::Unit { unit, config } => {
-                items.push(Item::ForFilter(FilterInput::VotingUnit(unit, Box::new(config))));
+                items.push(Item::ForFilter(FilterInput::VotingUnit(
+                    unit,
+                    Box::new(config),
+                )));
             }
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));

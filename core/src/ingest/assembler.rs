@@ -6,11 +6,11 @@ use super::corrected::CorrectedAssembler;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
-use super::units::decode_unit;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
 };
+use super::units::decode_unit;
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;

@@ -443,7 +443,8 @@ impl Voting {
             return;
         }
         let time_ns = sample.sample.time.ns();
-        let ahead_of = |time: Option<GpsTime>| time.map_or(0, |time| time_ns.saturating_sub(time.ns()));
+        let ahead_of =
+            |time: Option<GpsTime>| time.map_or(0, |time| time_ns.saturating_sub(time.ns()));
         let leaps = ahead_of(unit.grid.end()) > MAX_LEAP_NS + unit.interval_ns
             && ahead_of(self.newest) > MAX_LEAP_NS;
         // Ahead of all others at once: its clock leapt, or there are no others any longer.
@@ -458,7 +459,10 @@ impl Voting {
                 if last.is_some() {
                     self.restart_grid();
                 }
-                let first = sample.sample.time.plus_ns(-i64::from(sample.sample.interval_ns));
+                let first = sample
+                    .sample
+                    .time
+                    .plus_ns(-i64::from(sample.sample.interval_ns));
                 self.begun = Some(first);
                 let next = cell_before(first.plus_ns(1), cell_ns);
                 self.next = Some(next);
@@ -600,7 +604,10 @@ impl Voting {
             if unit.model.is_none() {
                 continue;
             }
-            let unit_end_ns = unit.grid.end().map_or(begun_ns, |end| end.ns().max(begun_ns));
+            let unit_end_ns = unit
+                .grid
+                .end()
+                .map_or(begun_ns, |end| end.ns().max(begun_ns));
             let counters = unit.grid.counters();
             let unusable = (counters.not_finite, counters.saturated);
             if end_ns.saturating_sub(unit_end_ns) > SILENT_NS.saturating_add(unit.interval_ns) {
@@ -781,7 +788,11 @@ impl Voting {
         let mut of_used = [None; MAX_UNITS];
         let mut differs = [false; MAX_UNITS];
         let numbers = pairs(&[0_usize, 1, 2]);
-        let all = of_used.iter_mut().zip(squares).zip(numbers).zip(pairs(&is_used));
+        let all = of_used
+            .iter_mut()
+            .zip(squares)
+            .zip(numbers)
+            .zip(pairs(&is_used));
         for (((of_used, square), (a, b)), (a_is_used, b_is_used)) in all {
             let Some(square) = square else { continue };
             if a_is_used && b_is_used {
@@ -891,7 +902,9 @@ impl Voting {
                 return true;
             }
             if level == 0 {
-                let white = models.iter().fold(0.0, |most, m| libm::fmax(most, m.white.x));
+                let white = models
+                    .iter()
+                    .fold(0.0, |most, m| libm::fmax(most, m.white.x));
                 self.delay
                     .add(block, &self.learned, &motion.mean, self.cell_s, white);
             }
@@ -1056,9 +1069,8 @@ impl Voting {
             still.walk = nothing;
             // As of a pair of two such units: half.
             let bound = motion.bound(model, model);
-            let measured = (motion.variance(&still, &still, &nothing)
-                + bound.component_mul(&bound))
-                * 0.5;
+            let measured =
+                (motion.variance(&still, &still, &nothing) + bound.component_mul(&bound)) * 0.5;
             let parts = learned.iter_mut().zip(spread.iter_mut());
             for ((learned, spread), ((unit_mean, mean), measured)) in
                 parts.zip(unit_mean.iter().zip(&mean).zip(&measured))

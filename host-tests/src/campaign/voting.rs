@@ -144,12 +144,12 @@ pub fn sizes(grade: Grade, kind: UnitFaultKind, axis: usize) -> (&'static [f64],
     let density = grade.noise().density;
     let sigma = if axis < 3 { density.arw } else { density.vrw };
     match kind {
-        UnitFaultKind::Step => (&[1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 48.0], sigma, 30.0),
-        UnitFaultKind::Drift => (
-            &[0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64],
+        UnitFaultKind::Step => (
+            &[1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 48.0],
             sigma,
-            120.0,
+            30.0,
         ),
+        UnitFaultKind::Drift => (&[0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64], sigma, 120.0),
         UnitFaultKind::Scale => (
             &[2.0, 4.0, 8.0, 12.0, 16.0, 24.0, 48.0],
             sigma / GRAVITY_MPS2,
@@ -238,7 +238,10 @@ pub fn watch(
         wrong,
         voted_m: flight.voted.worst_m,
         healthy_m,
-        alone_m: flight.alone.get(unit).map_or([0.0; 2], |alone| alone.worst_m),
+        alone_m: flight
+            .alone
+            .get(unit)
+            .map_or([0.0; 2], |alone| alone.worst_m),
     })
 }
 

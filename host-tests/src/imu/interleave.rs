@@ -88,12 +88,7 @@ impl<'a, T: Timed> Pending<'a, T> {
 
     /// Hands over what arrived up to the time of an epoch. With `week_unknown` only its time of week
     /// counts.
-    pub fn release_until(
-        &mut self,
-        time: GpsTime,
-        week_unknown: bool,
-        take: &mut dyn FnMut(&T),
-    ) {
+    pub fn release_until(&mut self, time: GpsTime, week_unknown: bool, take: &mut dyn FnMut(&T)) {
         let epoch_in_week_of = |sample: GpsTime| {
             if week_unknown {
                 GpsTime::nearest(time.tow_ns(), sample)

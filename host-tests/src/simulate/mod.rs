@@ -105,7 +105,12 @@ pub struct Command {
     units: bool,
     /// Fault of one of them: `UNIT:KIND:MAG:T0:T1[:AXIS]`, KIND one of step, drift, scale, stuck, noise,
     /// silence, offset; may be given several times
-    #[arg(long, value_name = "SPEC", requires = "units", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "SPEC",
+        requires = "units",
+        allow_hyphen_values = true
+    )]
     imu_fault: Vec<UnitFaultSpec>,
 }
 

@@ -116,7 +116,13 @@ impl UnitGrid {
         if taken.bridge.is_some() {
             self.before = None;
         }
-        self.divide(&taken.increment, taken.time, taken.interval_ns, next, cell_ns);
+        self.divide(
+            &taken.increment,
+            taken.time,
+            taken.interval_ns,
+            next,
+            cell_ns,
+        );
         Ok(())
     }
 

@@ -181,17 +181,15 @@ impl Delay {
             return squares;
         }
         let all = squares.iter_mut().zip(&self.products);
-        for (((square, product), (a, b)), (of_a, of_b)) in
-            all.zip(pairs(models)).zip(pairs(spread))
+        for (((square, product), (a, b)), (of_a, of_b)) in all.zip(pairs(models)).zip(pairs(spread))
         {
             let delay = -product / motion;
             let white = (a.white.x + b.white.x) / block_s * motion;
             let scale = a.scale_squared + b.scale_squared;
             let bias = of_a.x + of_b.x;
-            let variance = (white
-                + scale * self.rates.norm_squared()
-                + bias * self.sum.norm_squared())
-                / (motion * motion);
+            let variance =
+                (white + scale * self.rates.norm_squared() + bias * self.sum.norm_squared())
+                    / (motion * motion);
             let mut one = ZERO;
             let mut bound = ZERO;
             one.x = delay;

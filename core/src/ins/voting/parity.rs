@@ -131,8 +131,8 @@ impl Motion {
         let m = &self.mean;
         let force = Vector3::new(m.w, m.a, m.b) - self.learned_force;
         let turned = norm2(m.x, m.y, m.z);
-        let scale = (a.scale_squared + b.scale_squared)
-            * sensors(turned, norm2(force.x, force.y, force.z));
+        let scale =
+            (a.scale_squared + b.scale_squared) * sensors(turned, norm2(force.x, force.y, force.z));
         over(a) + over(b) + spread + (a.walk + b.walk) * length_s + scale + self.lever_noise(a, b)
     }
 
@@ -174,8 +174,8 @@ impl Motion {
 
     /// What the differences between cells may be made of by the motion, beside noise.
     pub(super) fn roughness(&self, a: &UnitModel, b: &UnitModel, step: [f64; 2]) -> Channels {
-        let bend = (a.timing_s + b.timing_s) / self.cell_s
-            + 4.0 * (a.interpolation + b.interpolation);
+        let bend =
+            (a.timing_s + b.timing_s) / self.cell_s + 4.0 * (a.interpolation + b.interpolation);
         let scale = libm::sqrt(a.scale_squared + b.scale_squared);
         let ([bend_gyro, bend_accel], [step_gyro, step_accel]) = (self.bend, step);
         sensors(
@@ -188,10 +188,7 @@ impl Motion {
 
     /// Variance of the difference between the differences of two cells that follow each other.
     pub(super) fn step_variance(&self, a: &UnitModel, b: &UnitModel) -> Channels {
-        let one = Self {
-            cells: 1,
-            ..*self
-        };
+        let one = Self { cells: 1, ..*self };
         (a.white + b.white) * (2.0 / self.cell_s) + one.lever_noise(a, b) * 4.0
     }
 }
@@ -226,7 +223,8 @@ pub(super) enum Decision {
 pub(super) fn decide(pairs: &[Option<Channels>; MAX_UNITS], threshold2: f64) -> Decision {
     let [first, second, third] = pairs;
     let of = |pair: &Option<Channels>, channel: usize| {
-        pair.as_ref().and_then(|squares| squares.get(channel).copied())
+        pair.as_ref()
+            .and_then(|squares| squares.get(channel).copied())
     };
     let mut worst = threshold2;
     let mut decision = Decision::Agree;
@@ -238,7 +236,11 @@ pub(super) fn decide(pairs: &[Option<Channels>; MAX_UNITS], threshold2: f64) -> 
             // What is no number is a difference, and is not hidden by one that is.
             if !(*square <= largest) {
                 differs = true;
-                largest = if square.is_nan() { f64::INFINITY } else { *square };
+                largest = if square.is_nan() {
+                    f64::INFINITY
+                } else {
+                    *square
+                };
             }
         }
         if !differs {
@@ -259,7 +261,10 @@ pub(super) fn decide(pairs: &[Option<Channels>; MAX_UNITS], threshold2: f64) -> 
 /// The unit whose hypothesis fits, and no other's.
 fn alone(misfit: [f64; MAX_UNITS], threshold2: f64) -> Decision {
     for (unit, own) in misfit.iter().enumerate() {
-        let mut others = misfit.iter().enumerate().filter(|(other, _)| *other != unit);
+        let mut others = misfit
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != unit);
         if *own <= threshold2 && others.all(|(_, other)| *other >= own + MARGIN) {
             return Decision::Isolate(unit);
         }
@@ -298,10 +303,22 @@ mod tests {
     #[test]
     fn the_unit_that_differs_from_both_others_is_isolated() {
         // Pairs 01, 02, 12.
-        assert_eq!(decide(&[all(50.0), all(60.0), all(1.0)], 36.0), Decision::Isolate(0));
-        assert_eq!(decide(&[all(50.0), all(1.0), all(60.0)], 36.0), Decision::Isolate(1));
-        assert_eq!(decide(&[all(1.0), all(50.0), all(60.0)], 36.0), Decision::Isolate(2));
-        assert_eq!(decide(&[all(1.0), all(20.0), all(36.0)], 36.0), Decision::Agree);
+        assert_eq!(
+            decide(&[all(50.0), all(60.0), all(1.0)], 36.0),
+            Decision::Isolate(0)
+        );
+        assert_eq!(
+            decide(&[all(50.0), all(1.0), all(60.0)], 36.0),
+            Decision::Isolate(1)
+        );
+        assert_eq!(
+            decide(&[all(1.0), all(50.0), all(60.0)], 36.0),
+            Decision::Isolate(2)
+        );
+        assert_eq!(
+            decide(&[all(1.0), all(20.0), all(36.0)], 36.0),
+            Decision::Agree
+        );
     }
 
     #[test]

@@ -263,7 +263,11 @@ fn each_kind_of_fault_isolates_its_unit_and_no_other() {
         (
             "noise",
             |s, t| {
-                let sign = if (t * 100.0).round() as i64 % 2 == 0 { 1.0 } else { -1.0 };
+                let sign = if (t * 100.0).round() as i64 % 2 == 0 {
+                    1.0
+                } else {
+                    -1.0
+                };
                 s.sample.dv_is_s_mps[1] += sign * 3.0 * 5e-4 * 0.1;
                 true
             },
@@ -400,7 +404,12 @@ fn a_pause_of_all_units_is_none_of_any() {
 /// INT-090
 #[test]
 fn a_unit_whose_clock_leaps_does_not_take_the_others_along() {
-    for leap_ns in [3_600_000_000_000, -3_600_000_000_000, 500_000_000, 90_000_000] {
+    for leap_ns in [
+        3_600_000_000_000,
+        -3_600_000_000_000,
+        500_000_000,
+        90_000_000,
+    ] {
         let mut rig = Rig::three();
         rig.run(20.0, healthy);
         rig.run(40.0, |unit, sample| {

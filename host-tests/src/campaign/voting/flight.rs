@@ -176,8 +176,7 @@ impl Chain {
             .map_err(|error| anyhow!("the navigator gave up: {error:?}"))?;
         if let Some(coasting) = &mut self.coasting {
             let r = &epoch.state.r_eb_e;
-            let error_m =
-                |navigator: &Navigator2| (navigator.mechanisation().r_eb_e - r).norm();
+            let error_m = |navigator: &Navigator2| (navigator.mechanisation().r_eb_e - r).norm();
             let errors = [error_m(&self.aided), error_m(coasting)];
             for (worst, error) in self.worst_m.iter_mut().zip(errors) {
                 *worst = worst.max(error);
@@ -274,7 +273,9 @@ impl Flight {
         let to_ns = (to_s * 1e9).round() as i64;
         loop {
             let ends = self.units.each_ref().map(FlyingUnit::next_end_ns);
-            let next = (0..MAX_UNITS).filter_map(|unit| Some((ends[unit]?, unit))).min();
+            let next = (0..MAX_UNITS)
+                .filter_map(|unit| Some((ends[unit]?, unit)))
+                .min();
             let Some((end_ns, unit)) = next.filter(|(end_ns, _)| *end_ns <= to_ns) else {
                 self.now_ns = to_ns;
                 return Ok(false);
@@ -283,7 +284,14 @@ impl Flight {
             let Some(sample) = self.units[unit].sample() else {
                 continue;
             };
-            let is_new = take(&mut self.voted, unit, &sample, &self.scene, self.seed, self.navigates)?;
+            let is_new = take(
+                &mut self.voted,
+                unit,
+                &sample,
+                &self.scene,
+                self.seed,
+                self.navigates,
+            )?;
             if self.navigates
                 && let Some(alone) = self.alone.get_mut(unit)
             {

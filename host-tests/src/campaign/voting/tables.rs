@@ -109,8 +109,7 @@ fn navigation(text: &mut String, faults: &[&FaultRecord]) {
                     |f: &FaultRecord| f.alone_m,
                 ] {
                     let mut values: Vec<f64> = of().map(|f| pick(f)[place]).collect();
-                    let (median, worst) =
-                        (quantile(&mut values, 0.5), quantile(&mut values, 1.0));
+                    let (median, worst) = (quantile(&mut values, 0.5), quantile(&mut values, 1.0));
                     cells.push(format!("{median:.2} (at most {worst:.2})"));
                 }
             }

@@ -219,8 +219,7 @@ pub fn units_bytes(scenario: &Scenario, faults: &[UnitFaultSpec]) -> Result<Vec<
             return Ok(bytes);
         };
         if let Some(sample) = flying[number].sample() {
-            let length =
-                encode_unit_sample(number as u8, &sample, &mut frame).map_err(refused)?;
+            let length = encode_unit_sample(number as u8, &sample, &mut frame).map_err(refused)?;
             bytes.extend(&frame[..length]);
         }
     }

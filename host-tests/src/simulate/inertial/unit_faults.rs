@@ -20,7 +20,9 @@ use anyhow::{Context, Result, bail};
 use surefix_core::ins::MAX_UNITS;
 
 /// Kinds of faults.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum UnitFaultKind {
     /// A further bias.

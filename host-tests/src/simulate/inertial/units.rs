@@ -216,8 +216,7 @@ impl FlyingUnit {
                 UnitFaultKind::Noise => {
                     let more = libm::sqrt(fault.magnitude * fault.magnitude - 1.0);
                     let density = self.density[axis / 3];
-                    all[axis] +=
-                        more * density * libm::sqrt(interval_s) * normal(&mut self.extra);
+                    all[axis] += more * density * libm::sqrt(interval_s) * normal(&mut self.extra);
                 }
                 UnitFaultKind::Silence => is_silent = true,
                 UnitFaultKind::Offset => {}
