@@ -1,12 +1,16 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod aiding;
 pub mod araim;
+pub mod bridge;
 pub mod broadcast_encode;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
+pub mod fixes;
 pub mod hybrid;
 pub mod imu;
+pub mod latency;
 pub mod mutate;
 pub mod nmea;
 pub mod output;

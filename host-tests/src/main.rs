@@ -9,7 +9,9 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use surefix_core::ins::BarometerModel;
 use surefix_host_tests::faults::FaultSpec;
+use surefix_host_tests::fixes::{FixOptions, Outage};
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::static_imu::{self, triple};
@@ -51,8 +53,8 @@ enum Command {
 
 #[derive(clap::Args)]
 struct ReplayArguments {
-    /// u-blox UBX (RXM-RAWX, RXM-SFRBX), RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; recognised
-    /// by content
+    /// u-blox UBX (RXM-RAWX, RXM-SFRBX), RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; of a receiver
+    /// without observations UBX with NAV-PVT, or an RTKLIB .pos; recognised by content
     #[arg(long, value_name = "FILE")]
     gnss: PathBuf,
     /// RINEX 3 or 4 navigation file; may be given several times
@@ -62,6 +64,10 @@ struct ReplayArguments {
     /// surefix's own frames
     #[arg(long, value_name = "FILE")]
     imu: Option<PathBuf>,
+    /// Recording of a barometer: CSV with the columns week, tow_s, pressure_pa, temperature_c; makes it an aid,
+    /// as section `[aids.barometer]` of the file of --config does with numbers of its own
+    #[arg(long, value_name = "FILE")]
+    barometer: Option<PathBuf>,
     /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, RTKLIB .pos,
     /// or UBX with NAV-PVT of resolved carrier-phase ambiguities. Without
     /// this, --at and --at-llh the position that the recording states for itself is the truth, if its
@@ -86,6 +92,13 @@ struct ReplayArguments {
     /// walk, osc; may be given several times
     #[arg(long, value_name = "SPEC", allow_hyphen_values = true)]
     fault: Vec<String>,
+    /// Withholds a receiver's own solutions from T0 to T1, seconds from the first epoch; may be given several
+    /// times
+    #[arg(long, value_name = "T0:T1")]
+    outage: Vec<Outage>,
+    /// Height of the geoid, m, to add to the heights of an RTKLIB .pos file given as --gnss
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    geoid: Option<f64>,
     /// Seed of random faults
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -129,6 +142,10 @@ impl ReplayArguments {
         };
         let faults: Result<Vec<FaultSpec>, _> = self.fault.iter().map(|s| s.parse()).collect();
         let settings = self.settings.clone().over_file(self.config.as_ref())?;
+        let mut aids = settings.aids.unwrap_or_default().config()?;
+        if self.barometer.is_some() {
+            aids.barometer.get_or_insert(BarometerModel::PRESET);
+        }
         Ok(ReplayOptions {
             gnss: self.gnss.clone(),
             nav: self.nav.clone(),
@@ -136,7 +153,13 @@ impl ReplayArguments {
             config: settings.config()?,
             imu: self.imu.clone(),
             imu_settings: settings.imu,
+            aids,
+            barometer: self.barometer.clone(),
             faults: faults?,
+            fixes: FixOptions {
+                geoid_m: self.geoid,
+                outages: self.outage.clone(),
+            },
             seed: self.seed,
             machine: self.on,
         })

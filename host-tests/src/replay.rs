@@ -18,6 +18,7 @@ use surefix_core::bank_report::BankReport;
 use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
 use surefix_core::inertial_report::InertialReport;
+use surefix_core::ins::AidsConfig;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
@@ -27,7 +28,9 @@ use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
+use crate::aiding;
 use crate::faults::FaultSpec;
+use crate::fixes::FixOptions;
 use crate::imu::{self, ImuSettings};
 use crate::nmea::{self, Sentence};
 use crate::output::{self, Summary};
@@ -288,8 +291,14 @@ pub struct ReplayOptions {
     pub imu: Option<PathBuf>,
     /// What a configuration file says of it.
     pub imu_settings: Option<ImuSettings>,
+    /// The aids.
+    pub aids: AidsConfig,
+    /// Recording of a barometer.
+    pub barometer: Option<PathBuf>,
     /// Faults to put on it.
     pub faults: Vec<FaultSpec>,
+    /// What to change of the receiver's own solutions.
+    pub fixes: FixOptions,
     /// Seed of the random faults.
     pub seed: u64,
     /// Where to run.
@@ -306,7 +315,10 @@ impl ReplayOptions {
             config: Config::PRESET,
             imu: None,
             imu_settings: None,
+            aids: AidsConfig::NONE,
+            barometer: None,
             faults: Vec::new(),
+            fixes: FixOptions::default(),
             seed: 1,
             machine: Machine::Host,
         }
@@ -421,14 +433,22 @@ pub fn run(
         .as_ref()
         .map(|path| imu::read(path, options.imu_settings.as_ref()))
         .transpose()?;
-    let stream = source::stream(
+    let stream = source::stream_with(
         &options.gnss,
         &options.nav,
         &options.config,
         &options.faults,
         options.seed,
         imu.as_ref(),
+        &options.fixes,
     )?;
+    let pressures = options.barometer.as_deref().map(aiding::read).transpose()?;
+    let bytes = if options.aids == AidsConfig::NONE && pressures.is_none() {
+        stream.bytes
+    } else {
+        let pressures = pressures.unwrap_or_default();
+        aiding::with_aids(&stream.bytes, &options.config, &options.aids, &pressures)?
+    };
     let mut info = stream.info;
     if let Some(imu) = &imu {
         info.imu_samples = imu.samples.len() as u64;
@@ -441,7 +461,7 @@ pub fn run(
         Machine::Host => Box::new(HostExecutor),
         Machine::Qemu => Box::new(QemuExecutor::build()?),
     };
-    executor.run(&stream.bytes, &mut |piece| {
+    executor.run(&bytes, &mut |piece| {
         reader.push(piece);
         progress(&reader.reports, info.epochs);
     })?;

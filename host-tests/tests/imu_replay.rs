@@ -111,7 +111,9 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .unwrap()
             .inertial_config()
             .unwrap(),
+        magnetometer: None,
         samples,
+        receiver_latency_ns: 0,
         bad_lines: 0,
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use surefix_core::ingest::{Event, Ingest};
-use surefix_core::ins::{ImuSample, InertialConfig};
+use surefix_core::ins::{ImuSample, InertialConfig, Magnetometer};
 use surefix_core::time::{GpsTime, NS_PER_S};
 use surefix_core::wire::native::Frame;
 
@@ -26,8 +26,12 @@ const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
 pub struct Recorded {
     /// What is known of the unit.
     pub unit: InertialConfig,
+    /// What is known of a magnetometer beside it.
+    pub magnetometer: Option<Magnetometer>,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
+    /// How long after its instant an epoch of the receiver beside it arrives, ns.
+    pub receiver_latency_ns: u32,
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -64,14 +68,19 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         read_csv(&text, file, settings.interval_ns()?).with_context(|| format!("{name}"))?;
     Ok(Recorded {
         unit,
+        magnetometer: settings.magnetometer()?,
         samples,
+        receiver_latency_ns: settings.receiver_latency_ns()?,
         bad_lines,
     })
 }
 
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
     let mut unit = settings.map(ImuSettings::inertial_config).transpose()?;
+    let mut latency_ns = settings.map(ImuSettings::receiver_latency_ns).transpose()?;
     let mut ingest = Box::new(Ingest::EMPTY);
+    let magnetometer = settings.map(ImuSettings::magnetometer).transpose()?;
+    let mut magnetometer = magnetometer.flatten();
     let (mut samples, mut rest) = (Vec::new(), bytes);
     loop {
         let (used, mut event) = ingest.push(rest);
@@ -83,6 +92,12 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
             Event::Imu(sample) => samples.push(sample),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
+            }
+            Event::ReceiverLatency(said_ns) => {
+                latency_ns.get_or_insert(said_ns);
+            }
+            Event::Magnetometer(said) => {
+                magnetometer.get_or_insert(said);
             }
             Event::EpochReady | Event::CorrectedEpochReady => {
                 bail!("it holds observations too: give the whole stream as --gnss, without --imu")
@@ -105,7 +120,9 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
     };
     Ok(Recorded {
         unit,
+        magnetometer,
         samples,
+        receiver_latency_ns: latency_ns.unwrap_or(0),
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }
