@@ -1,5 +1,6 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod aiding;
 pub mod araim;
 pub mod bridge;
 pub mod broadcast_encode;

@@ -8,6 +8,8 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod aids;
+#[cfg(target_os = "none")]
 mod araim;
 #[cfg(target_os = "none")]
 mod call;
@@ -50,6 +52,7 @@ fn main() -> ! {
     raim::all();
     araim::all();
     drivers::all();
+    aids::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);
