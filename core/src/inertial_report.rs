@@ -5,7 +5,7 @@
 //! One struct per theme, so that each is filled in one place.
 
 use crate::ins::alignment::{AlignmentMode, Obstacle};
-use crate::ins::{HorizonState, MAX_UNITS};
+use crate::ins::{AidUse, HorizonState, MAX_UNITS, UnitFault, UnitState, VotingMode};
 use crate::report::ReportError;
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, Reader, Writer};
@@ -52,60 +52,35 @@ impl AlignmentPart {
     }
 }
 
-/// What became of the samples of one unit since the last epoch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum UnitState {
-    /// There is none.
-    Absent = 0,
-    /// Its samples are used.
-    Used = 1,
-    /// None of its samples could be used.
-    Silent = 2,
-}
-
-impl UnitState {
-    /// All, in the order of their numbers.
-    pub const ALL: [Self; 3] = [Self::Absent, Self::Used, Self::Silent];
-
-    /// The state of a number in a frame.
-    pub fn from_u8(number: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(number)).copied()
-    }
-
-    /// Name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Absent => "absent",
-            Self::Used => "used",
-            Self::Silent => "silent",
-        }
-    }
-}
-
 /// One unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnitPart {
-    /// What became of its samples.
+    /// What becomes of its samples.
     pub state: UnitState,
+    /// Why they are not used.
+    pub fault: UnitFault,
 }
 
 impl UnitPart {
     /// No unit.
     pub const ABSENT: Self = Self {
         state: UnitState::Absent,
+        fault: UnitFault::None,
     };
 
-    const LENGTH: usize = 1;
+    const LENGTH: usize = 1 + 1;
 
     fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
-        writer.put_u8(self.state as u8)
+        writer.put_u8(self.state as u8)?;
+        writer.put_u8(self.fault as u8)
     }
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
         let code = reader.u8()?;
         let state = UnitState::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
-        Ok(Self { state })
+        let code = reader.u8()?;
+        let fault = UnitFault::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
+        Ok(Self { state, fault })
     }
 }
 
@@ -207,6 +182,47 @@ impl TimingPart {
     }
 }
 
+/// The aids.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AidsPart {
+    /// That the vehicle stands, in the filters.
+    pub standstill: AidUse,
+    /// The barometer's climb, in the filters.
+    pub climb: AidUse,
+    /// The barometer's height, in the snapshot solution.
+    pub height: AidUse,
+    /// Height of the antenna above the ellipsoid minus pressure altitude, m, once it is known.
+    pub height_bias_m: Option<f64>,
+}
+
+impl AidsPart {
+    const LENGTH: usize = 3 + 1 + 4;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        for aid in [self.standstill, self.climb, self.height] {
+            writer.put_u8(aid as u8)?;
+        }
+        writer.put_u8(self.height_bias_m.is_some().into())?;
+        writer.put_f32(self.height_bias_m.unwrap_or(0.0) as f32)
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let mut aid = || {
+            let code = reader.u8()?;
+            AidUse::from_u8(code).ok_or(ReportError::UnknownCode { code })
+        };
+        let (standstill, climb, height) = (aid()?, aid()?, aid()?);
+        let is_there = flag(reader)?;
+        let bias_m = f64::from(reader.f32()?);
+        Ok(Self {
+            standstill,
+            climb,
+            height,
+            height_bias_m: is_there.then_some(bias_m),
+        })
+    }
+}
+
 /// The inertial side at an epoch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialReport {
@@ -214,18 +230,24 @@ pub struct InertialReport {
     pub time: GpsTime,
     /// The attitude.
     pub alignment: AlignmentPart,
+    /// How many units the samples rest on.
+    pub voting: VotingMode,
     /// The units, in the order of their numbers.
     pub units: [UnitPart; MAX_UNITS],
     /// How late the receiver was.
     pub timing: TimingPart,
+    /// The aids.
+    pub aids: AidsPart,
 }
 
 /// Length of its frame, bytes.
 pub const INERTIAL_REPORT_FRAME_LENGTH: usize = native::HEADER_LEN
     + 8
     + AlignmentPart::LENGTH
+    + 1
     + MAX_UNITS * UnitPart::LENGTH
     + TimingPart::LENGTH
+    + AidsPart::LENGTH
     + native::TRAILER_LEN;
 
 impl InertialReport {
@@ -238,10 +260,12 @@ impl InertialReport {
         native::encode(Kind::InertialReport, out, |writer| {
             writer.put_i64(self.time.ns())?;
             self.alignment.write(writer)?;
+            writer.put_u8(self.voting as u8)?;
             for unit in &self.units {
                 unit.write(writer)?;
             }
-            self.timing.write(writer)
+            self.timing.write(writer)?;
+            self.aids.write(writer)
         })
     }
 
@@ -253,19 +277,24 @@ impl InertialReport {
         let mut reader = Reader::new(payload);
         let time = GpsTime::from_ns(reader.i64()?);
         let alignment = AlignmentPart::read(&mut reader)?;
+        let code = reader.u8()?;
+        let voting = VotingMode::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
         let mut units = [UnitPart::ABSENT; MAX_UNITS];
         for unit in &mut units {
             *unit = UnitPart::read(&mut reader)?;
         }
         let timing = TimingPart::read(&mut reader)?;
+        let aids = AidsPart::read(&mut reader)?;
         if reader.left() > 0 {
             return Err(ReportError::UnknownCode { code: 0 });
         }
         Ok(Self {
             time,
             alignment,
+            voting,
             units,
             timing,
+            aids,
         })
     }
 }
@@ -291,12 +320,15 @@ mod tests {
                 sigma_ned_rad: Some([0.25, 0.5, 1.0]),
                 obstacle: Obstacle::NotEarned,
             },
+            voting: VotingMode::One,
             units: [
                 UnitPart {
                     state: UnitState::Used,
+                    fault: UnitFault::None,
                 },
                 UnitPart {
-                    state: UnitState::Silent,
+                    state: UnitState::Isolated,
+                    fault: UnitFault::Drift,
                 },
                 UnitPart::ABSENT,
             ],
@@ -313,6 +345,12 @@ mod tests {
                     v_e_mps: [16.0, 0.1, -3.0],
                     q_e_b: [0.5, -0.5, 0.5, -0.5],
                 }),
+            },
+            aids: AidsPart {
+                standstill: AidUse::Used,
+                climb: AidUse::Refused,
+                height: AidUse::Ready,
+                height_bias_m: Some(-17.5),
             },
         }
     }
@@ -337,7 +375,7 @@ mod tests {
         for cut in 0..payload.len() {
             assert!(InertialReport::decode(&payload[..cut]).is_err());
         }
-        for place in [8, 9, 10] {
+        for place in [8, 9, 10, 23, 24, 25] {
             let mut wrong = payload.to_vec();
             wrong[place] = 200;
             let unknown = ReportError::UnknownCode { code: 200 };

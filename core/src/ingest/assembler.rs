@@ -1,6 +1,6 @@
 //! Messages to epochs.
 
-use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
+use super::aiding::{decode_aids, decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
 use super::inertial::{
@@ -13,6 +13,7 @@ use super::payload::{
     decode_klobuchar,
 };
 use super::receiver_fix::{decode_receiver_fix, receiver_fix};
+use super::units::decode_unit;
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
@@ -599,6 +600,10 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::Imu(sample))
             }
+            Some(Kind::Unit) => {
+                let (unit, config) = decode_unit(frame.payload())?;
+                Outcome::UsedGives(Event::Unit { unit, config })
+            }
             Some(Kind::UnitSample) => {
                 let (unit, mut sample) = decode_unit_sample(frame.payload())?;
                 count(&mut counters.imu_samples);
@@ -615,6 +620,7 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::MagneticField(sample))
             }
+            Some(Kind::Aids) => Outcome::UsedGives(Event::Aids(decode_aids(frame.payload())?)),
             Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
                 decode_receiver_latency(frame.payload())?,
             )),
