@@ -163,6 +163,10 @@ impl TightMonitor {
             .solution
             .as_ref()
             .and_then(|solution| self.take_fix(fix.time, solution, &at));
+        let velocity = fix.solution.as_ref().and_then(|solution| solution.velocity);
+        if let Some(velocity) = velocity.filter(|_| differ.is_none()) {
+            self.note_velocity(velocity.ned_mps);
+        }
         let told = self.finish(&at)?;
         if let Some(by) = differ {
             self.doubt(by)?;
