@@ -278,12 +278,16 @@ impl TightMonitor {
 
     /// The speed by the satellites of an epoch, if they passed their test.
     pub(super) fn note_speed(&mut self, tested: Option<&TestedSolution<'_>>) {
+        if let Some(v_enu_mps) = tested.and_then(|tested| tested.solution.velocity_enu_mps) {
+            self.note_velocity(v_enu_mps);
+        }
+    }
+
+    /// The speed by a velocity of the receiver, of whatever axes.
+    pub(super) fn note_velocity(&mut self, velocity_mps: [f64; 3]) {
         let now = self.navigator.time();
-        let Some(v_enu) = tested.and_then(|tested| tested.solution.velocity_enu_mps) else {
-            return;
-        };
-        let v_enu = Vector3::from(v_enu);
-        let speed_mps = libm::sqrt(v_enu.dot(&v_enu));
+        let velocity = Vector3::from(velocity_mps);
+        let speed_mps = libm::sqrt(velocity.dot(&velocity));
         if speed_mps > MOVING_MPS {
             self.aids.standstill_is_excluded = false;
         }
