@@ -17,12 +17,17 @@ use crate::budget::{CycleCounter, Ledger, Meter, Stage};
 use crate::config::Config;
 use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
-use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
-use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart};
+use crate::gnss::{
+    BroadcastIonosphere, EphemerisStore, FixSolution, FixVelocity, ObservationEpoch, ReceiverFix,
+    SatelliteSet, System,
+};
+use crate::inertial_report::{AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart};
 use crate::ingest::{Event, Ingest};
+use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, InertialConfigError, IntakeCounters, MAX_UNITS, MagneticSample, PressureSample,
-    UnitConfig, UnitFault, UnitSample, UnitState, Voting, VotingConfigureError, VotingMode,
+    InertialConfig, InertialConfigError, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample,
+    Magnetometer, PressureSample, UnitConfig, UnitFault, UnitSample, UnitState, Voting,
+    VotingConfigureError, VotingMode,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -47,15 +52,24 @@ pub enum Ready {
     EndOfStream,
 }
 
-/// What [`Ready::Epoch`] announced.
+/// A receiver's latency beyond [`MAX_LATENCY_NS`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatencyTooLong {
+    /// The latency given, ns.
+    pub latency_ns: u32,
+}
+
+/// What [`Ready::Epoch`] announced.
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Pending {
     /// Observations of the receiver.
     Observations,
     /// Corrected measurements of a scenario folder.
     Corrected,
-    /// Nothing: an epoch was due and the receiver is silent.
-    Silence { time: GpsTime },
+    /// The receiver's own solution, of a receiver without observations.
+    Fix(ReceiverFix),
+    /// Nothing: an epoch was due and the receiver is silent. The filter goes on without it, to `until`.
+    Silence { time: GpsTime, until: GpsTime },
 }
 
 /// All state of surefix.
@@ -134,6 +148,7 @@ impl Monitor {
             .config()
             .map_or(Config::PRESET.phase, |config| config.phase);
         self.tight.configure(inertial, &phase.requirements())?;
+        self.tight.expect(self.rhythm.due());
         self.snapshot
             .share_false_alerts(SNAPSHOT_FALSE_ALERT_SHARE)
             .map_err(TightConfigureError::Stats)
@@ -165,6 +180,32 @@ impl Monitor {
             self.voting.begin(interval_ns)?;
         }
         self.voting.add(unit, config)
+    }
+
+    /// Says how long after its instant an epoch of the receiver arrives at the least, ns. Without it the
+    /// monitor learns it from the epochs that come: it is what a missing epoch is waited for, besides half an
+    /// interval. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`LatencyTooLong`] when the filter's history does not reach back so far; nothing is changed then.
+    pub fn configure_receiver_latency(&mut self, latency_ns: u32) -> Result<(), LatencyTooLong> {
+        if i64::from(latency_ns) > MAX_LATENCY_NS {
+            return Err(LatencyTooLong { latency_ns });
+        }
+        self.rhythm.know_latency(latency_ns.into());
+        Ok(())
+    }
+
+    /// Adds a magnetometer, whose field gives a heading. A frame in the stream does the same, until the first
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`MagnetometerError`]; there is then none.
+    pub fn configure_magnetometer(
+        &mut self,
+        magnetometer: &Magnetometer,
+    ) -> Result<(), MagnetometerError> {
+        self.tight.configure_magnetometer(magnetometer)
     }
 
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
@@ -210,6 +251,18 @@ impl Monitor {
             Event::Inertial(config) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_inertial(&config).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::ReceiverLatency(latency_ns) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_receiver_latency(latency_ns).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Magnetometer(magnetometer) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_magnetometer(&magnetometer).is_ok();
                 self.note_refusal(is_accepted);
                 None
             }
@@ -279,6 +332,13 @@ impl Monitor {
             Event::EpochReady => {
                 self.pending = Pending::Observations;
                 self.rhythm.epoch(self.ingest.epoch().time);
+                self.tight.expect(self.rhythm.due());
+                Some(Ready::Epoch)
+            }
+            Event::ReceiverFix(fix) => {
+                self.pending = Pending::Fix(fix);
+                self.rhythm.epoch(fix.time);
+                self.tight.expect(self.rhythm.due());
                 Some(Ready::Epoch)
             }
             Event::CorrectedEpochReady => {
@@ -317,7 +377,9 @@ impl Monitor {
     pub fn on_pressure(&mut self, _sample: &PressureSample) {}
 
     /// Takes a sample of a magnetometer.
-    pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
+    pub fn on_magnetic_field(&mut self, sample: &MagneticSample) {
+        self.tight.on_field(sample);
+    }
 
     fn note_refusal(&mut self, is_accepted: bool) {
         if !is_accepted {
@@ -330,23 +392,26 @@ impl Monitor {
         if self.tight.status() == InertialStatus::Off {
             return None;
         }
-        if let Some(due) = self.rhythm.due() {
-            self.tight.remember(due);
-        }
+        self.tight.expect(self.rhythm.due());
         let time = self.rhythm.sample(now)?;
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
+    }
+
+    /// The epoch due at `time` has not come by `now`. Those after it may still be on their way.
+    fn miss(&mut self, time: GpsTime, now: GpsTime) -> Ready {
+        let until = now.plus_ns(-self.rhythm.latency_ns());
+        self.pending = Pending::Silence { time, until };
+        Ready::Epoch
     }
 
     /// Asks whether an epoch is overdue at `now`, by a clock of whoever runs the monitor: with receiver and
     /// inertial unit both silent no byte comes that could say so. [`Ready::Epoch`] when one is, half an
-    /// interval after it was due: [`Monitor::process`] then reports the silence. Core has no clock of
+    /// interval after it should have arrived: [`Monitor::process`] then reports the silence. Core has no clock of
     /// its own; without this call nothing is said until bytes come again.
     pub fn tick(&mut self, now: GpsTime) -> Option<Ready> {
         let time = self.rhythm.missed(now)?;
         self.tight.hear_nothing(now);
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
     }
 
     /// Assesses the epoch that [`Ready::Epoch`] announced.
@@ -366,7 +431,8 @@ impl Monitor {
         let mut report = match self.pending {
             Pending::Observations => self.process_observations(counter, memory),
             Pending::Corrected => self.process_corrected(counter, memory),
-            Pending::Silence { time } => self.process_silence(time, counter, memory),
+            Pending::Fix(fix) => self.process_fix(&fix, counter),
+            Pending::Silence { time, until } => self.process_silence(time, until, counter, memory),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
         report.since_first_ns = report.time.ns().wrapping_sub(first_epoch.ns());
@@ -402,6 +468,7 @@ impl Monitor {
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
         let epoch_begin = counter.now();
+        self.tight.end_loose();
         let epoch = self.ingest.epoch();
         let with_bank = memory.is_some();
         let of_bank = if with_bank {
@@ -431,6 +498,7 @@ impl Monitor {
         let verdict = assessment.verdict;
         let tested = TestedSolution::new(&assessment);
         let mut meter = Meter::new(counter, epoch_begin);
+        self.tight.note_prediction(epoch.time);
         let tight = match memory {
             Some(memory) => self.tight.on_epoch_with_bank(
                 epoch.time,
@@ -448,7 +516,8 @@ impl Monitor {
                 tested.as_ref(),
             ),
         };
-        if with_bank && tight.is_some() {
+        let sigma_velocity_enu_mps = self.tight.velocity_sigma_enu_mps(self.snapshot.workspace());
+        if with_bank && tight.is_some() && self.tight.has_earned() {
             self.readmission
                 .adopt(readmission::union(self.tight.excluded(), named));
         }
@@ -463,7 +532,14 @@ impl Monitor {
                     }
                     _ => true,
                 };
-                if serves {
+                let is_told = serves
+                    && self.tight.earn(
+                        epoch.time,
+                        tight,
+                        tested.and_then(|tested| tested.solution.velocity_enu_mps),
+                        &sigma_velocity_enu_mps,
+                    );
+                if is_told {
                     let opinion = self.tight.opinion().filter(|_| with_bank);
                     report.verdict = match opinion {
                         Some(bank) => {
@@ -477,7 +553,9 @@ impl Monitor {
                     serve(&mut report, tight);
                 }
             }
-            None => self.tight.align(epoch.time, tested.as_ref()),
+            None => self
+                .tight
+                .align(epoch.time, tested.as_ref(), &sigma_velocity_enu_mps),
         }
         report.inertial = self.tight.tell();
         report.suspect = self.snapshot.suspect(&assessment, &report.verdict);
@@ -511,9 +589,48 @@ impl Monitor {
         report
     }
 
+    /// A position that nothing here can test: `unavailable` at every epoch, whatever the receiver says of it.
+    fn process_fix(&mut self, fix: &ReceiverFix, counter: &mut impl CycleCounter) -> EpochReport {
+        let begin = counter.now();
+        let Some(config) = self.snapshot.config() else {
+            return empty_report(fix.time, Reason::NotConfigured);
+        };
+        let requirements = config.phase.requirements();
+        let mut report = empty_report(fix.time, Reason::NoRawData);
+        report.verdict.hal_m = requirements.hal_m;
+        report.verdict.val_m = requirements.val_m;
+        report.n_observed = fix.satellites;
+        if let Some(solution) = &fix.solution {
+            take_over(&mut report, solution);
+        }
+        self.tight.note_prediction(fix.time);
+        match self.tight.on_fix(fix) {
+            Some(solution) if self.tight.earn_with_fix(fix, &solution) => {
+                self.serve_loose(&mut report, &solution);
+            }
+            Some(_) => {}
+            None => self.tight.align_with_fix(fix),
+        }
+        report.flags.fix_refused = self.tight.fix_is_refused();
+        report.inertial = self.tight.tell();
+        self.ledger
+            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+        report
+    }
+
+    /// The loosely coupled filter's solution takes the place of the receiver's.
+    fn serve_loose(&self, report: &mut EpochReport, solution: &TightSolution) {
+        serve(report, solution);
+        report.mode = Mode::Loose;
+        let own_enu_m = solution.navigation.sigma_position_enu_m;
+        report.sigma_enu_m = Some(self.tight.loose_sigma_enu_m(own_enu_m));
+        untested(&mut report.verdict);
+    }
+
     fn process_silence(
         &mut self,
         time: GpsTime,
+        until: GpsTime,
         counter: &mut impl CycleCounter,
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
@@ -525,12 +642,17 @@ impl Monitor {
             report.verdict.val_m = requirements.val_m;
         }
         let mut meter = Meter::new(counter, begin);
+        let is_loose = self.tight.is_loose();
         let tight = match memory {
-            Some(memory) => self.tight.on_silence_with_bank(time, memory, &mut meter),
-            None => self.tight.on_silence(time),
+            Some(memory) if !is_loose => self
+                .tight
+                .on_silence_with_bank(time, until, memory, &mut meter),
+            _ => self.tight.on_silence(time, until),
         };
-        if let Some(tight) = tight {
-            serve(&mut report, &tight);
+        match tight.filter(|_| self.tight.has_earned()) {
+            Some(solution) if is_loose => self.serve_loose(&mut report, &solution),
+            Some(tight) => serve(&mut report, &tight),
+            None => {}
         }
         report.inertial = self.tight.tell();
         let work = meter.now().wrapping_sub(begin);
@@ -660,13 +782,30 @@ impl Monitor {
             alignment: AlignmentPart {
                 mode: self.tight.alignment_mode(),
                 sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
+                obstacle: self.tight.obstacle(),
             },
             voting: mode,
             units,
             timing: TimingPart {
                 lead_of_samples_ns: newest
                     .map(|newest| newest.ns().saturating_sub(report.time.ns())),
+                latency_ns: self.rhythm.latency_ns(),
+                horizon: self.tight.horizon(),
+                now: self.navigation_now(),
             },
+        })
+    }
+
+    /// Where the antenna is now, which is the end of the newest inertial sample: the filter's nominal carried
+    /// over the samples that wait for their epoch. Nothing has tested it and no level bounds it; it
+    /// is for a consumer that must act at once. `None` while the filter does not run.
+    pub fn navigation_now(&self) -> Option<NavigationNow> {
+        let at = self.tight.navigation_now()?;
+        Some(NavigationNow {
+            time: at.time,
+            r_e_m: at.r_e_m,
+            v_e_mps: at.v_e_mps,
+            q_e_b: at.q_e_b,
         })
     }
 
@@ -707,6 +846,39 @@ fn serve(report: &mut EpochReport, tight: &TightSolution) {
     report.used = tight.used;
     report.sigma_enu_m = Some(tight.navigation.sigma_position_enu_m);
     report.navigation = Some(tight.navigation);
+}
+
+/// The receiver's own solution, with one sigma by its own accuracy.
+fn take_over(report: &mut EpochReport, solution: &FixSolution) {
+    let FixSolution {
+        llh,
+        horizontal_accuracy_m,
+        vertical_accuracy_m,
+        velocity,
+        ..
+    } = solution;
+    let enu = |velocity: &FixVelocity| {
+        let [north, east, down] = velocity.ned_mps;
+        [east, north, -down]
+    };
+    let axis_m = horizontal_accuracy_m * core::f64::consts::FRAC_1_SQRT_2;
+    report.mode = Mode::Loose;
+    report.fix = Some(Fix {
+        r_e_m: geodesy::to_ecef(llh).into(),
+        lat_deg: llh.lat_rad.to_degrees(),
+        lon_deg: llh.lon_rad.to_degrees(),
+        h_m: llh.height_m,
+        velocity_enu_mps: velocity.as_ref().map(enu),
+        clock_m: [None; System::ALL.len()],
+    });
+    report.sigma_enu_m = Some([axis_m, axis_m, *vertical_accuracy_m]);
+    untested(&mut report.verdict);
+}
+
+/// There is a position, and nothing to bound it by.
+const fn untested(verdict: &mut Verdict) {
+    verdict.hpl = ProtectionLevel::Unavailable(NoBound::NoRawData);
+    verdict.vpl = ProtectionLevel::Unavailable(NoBound::NoRawData);
 }
 
 /// An epoch without observations.
@@ -772,6 +944,7 @@ fn report_of(epoch: &ObservationEpoch, assessment: &Assessment) -> EpochReport {
                 .solution
                 .is_some_and(|solution| solution.no_broadcast_ionosphere),
             clock_reset: epoch.flags.clock_reset,
+            fix_refused: false,
         },
         residual_rms_m: assessment.residual_rms_m,
         sigma_enu_m: assessment.sigma_enu_m,

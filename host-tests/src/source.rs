@@ -6,6 +6,7 @@
 //! | RTCM 3 with faults or navigation files | decoded by core's own `Ingest`, sent again as native frames |
 //! | RINEX observations | native frames: exact numbers, one group of frames per epoch |
 //! | native frames | the bytes as they are |
+//! | RTKLIB positions | native frames of fixes |
 //! | any of these with a recorded inertial unit | the same, with its samples between, in the order of their times |
 //!
 //! An ephemeris of a navigation file goes before the first epoch that is not earlier than its
@@ -22,12 +23,13 @@ use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
-    encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
-    encode_reference_model, encode_unit, encode_unit_sample,
+    encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
+    encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit,
+    encode_unit_sample,
 };
 use surefix_core::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitConfig, UnitSample,
+    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
+    ReferenceModel, UnitConfig, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -35,6 +37,7 @@ use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::{native, scanner, ubx};
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
+use crate::fixes::{self, FixOptions};
 use crate::imu::{self, Measured, Pending, Recorded};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
@@ -68,6 +71,10 @@ pub enum FilterInput {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    Latency(u32),
+    /// What is known of a magnetometer.
+    Magnetometer(Box<Magnetometer>),
     /// A state to start from.
     State(Box<InitialState>),
     /// The requirements of a scenario.
@@ -85,6 +92,8 @@ pub struct RecordingInfo {
     pub station: Option<([f64; 3], String)>,
     /// Epochs.
     pub epochs: u64,
+    /// Epochs of these that are the receiver's own solutions.
+    pub fixes: u64,
     /// Samples of a unit that were put between.
     pub imu_samples: u64,
     /// Losses that cost epochs or parts of them, by cause.
@@ -276,7 +285,17 @@ pub fn decode(
     config: &Config,
     take: &mut dyn FnMut(Item),
 ) -> Result<RecordingInfo> {
-    let bytes = rinex::read_unzipped(gnss)?;
+    let bytes = fixes::read(gnss, config, &FixOptions::default())?;
+    decode_bytes(bytes, gnss, nav, config, take)
+}
+
+fn decode_bytes(
+    bytes: Vec<u8>,
+    gnss: &Path,
+    nav: &[PathBuf],
+    config: &Config,
+    take: &mut dyn FnMut(Item),
+) -> Result<RecordingInfo> {
     let format = recognise(&bytes, gnss)?;
     let mut info = RecordingInfo::default();
     let mut navigation = Navigation::read(nav, &mut info)?;
@@ -410,9 +429,14 @@ fn decode_frames(
                     );
                 }
             }
+            // Counted; no one but a monitor takes it.
+            Event::ReceiverFix(_) => {}
             Event::EpochReady => items.push(Item::Epoch(Box::new(ingest.epoch().clone()))),
             Event::Inertial(unit) => {
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
+            }
+            Event::ReceiverLatency(latency_ns) => {
+                items.push(Item::ForFilter(FilterInput::Latency(latency_ns)));
             }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
             Event::Unit { unit, config } => {
@@ -431,6 +455,9 @@ fn decode_frames(
             Event::InitialState(state) => {
                 items.push(Item::ForFilter(FilterInput::State(Box::new(state))));
             }
+            Event::Magnetometer(known) => {
+                items.push(Item::ForFilter(FilterInput::Magnetometer(Box::new(known))));
+            }
             Event::ReferenceModel(model) => {
                 items.push(Item::ForFilter(FilterInput::Model(Box::new(model))));
             }
@@ -441,7 +468,8 @@ fn decode_frames(
         }
     }
     let counters = *ingest.counters();
-    info.epochs = u64::from(counters.epochs);
+    info.fixes = u64::from(counters.fixes_used);
+    info.epochs = u64::from(counters.epochs) + info.fixes;
     info.losses.extend(losses(&counters));
     for item in items {
         if let Item::Epoch(epoch) = &item {
@@ -468,6 +496,8 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
                 | FilterInput::VotingUnit(..)
+                | FilterInput::Latency(_)
+                | FilterInput::Magnetometer(_)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -485,7 +515,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
 
 /// Counters of what was used or is of no concern to surefix; every other one that is not zero
 /// means that input was lost.
-const NO_LOSS: [&str; 24] = [
+const NO_LOSS: [&str; 28] = [
     "rtcm_frames",
     "native_frames",
     "ubx_frames",
@@ -509,6 +539,10 @@ const NO_LOSS: [&str; 24] = [
     "unknown_signals",
     "invalid_pseudoranges",
     "signals_lost",
+    "fixes_used",
+    "fixes_held_back",
+    "fixes_beside_observations",
+    "fixes_without_date",
     "epochs",
 ];
 
@@ -573,6 +607,8 @@ impl FrameWriter {
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
+                FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),
+                FilterInput::Magnetometer(known) => encode_magnetometer(&known, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
                 FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
@@ -630,26 +666,51 @@ pub fn stream(
     seed: u64,
     imu: Option<&Recorded>,
 ) -> Result<Stream> {
+    stream_with(gnss, nav, config, faults, seed, imu, &FixOptions::default())
+}
+
+/// The same of a recording whose fixes are changed on the way.
+///
+/// # Errors
+/// As [`stream`], and where there are no fixes to change.
+pub fn stream_with(
+    gnss: &Path,
+    nav: &[PathBuf],
+    config: &Config,
+    faults: &[FaultSpec],
+    seed: u64,
+    imu: Option<&Recorded>,
+    fixes: &FixOptions,
+) -> Result<Stream> {
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
         for (unit, config) in &imu.units {
             writer.append(|out| encode_unit(*unit, config, out));
         }
+        if imu.receiver_latency_ns > 0 {
+            writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
+        }
+        if let Some(magnetometer) = &imu.magnetometer {
+            writer.append(|out| encode_magnetometer(magnetometer, out));
+        }
     }
+    let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));
     let measured = imu.map(Recorded::measured);
     let mut pending = measured.as_deref().map(Pending::new);
-    let raw = rinex::read_unzipped(gnss)?;
+    let raw = fixes::read(gnss, config, fixes)?;
     let format = recognise(&raw, gnss)?;
     if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
         // As recorded; decoded beside that for the station's position and the number of epochs.
         let mut has_samples = false;
-        let info = decode(gnss, nav, config, &mut |item| {
+        let info = decode_bytes(raw.clone(), gnss, nav, config, &mut |item| {
             has_samples |= is_sample(&item);
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
-            Some(pending) => imu::interleave(&raw, config, pending, &mut writer.bytes)?,
+            Some(pending) => {
+                imu::interleave(&raw, config, pending, |_| latency_ns, &mut writer.bytes)?;
+            }
             None => writer.bytes.extend_from_slice(&raw),
         }
         let is_padded = info.losses.contains_key("cut_off_frames");
@@ -665,16 +726,22 @@ pub fn stream(
         });
     }
     let mut has_samples = false;
-    let info = decode(gnss, nav, config, &mut |item| {
+    let info = decode_bytes(raw, gnss, nav, config, &mut |item| {
         has_samples |= is_sample(&item);
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
-            pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
+            pending.release_until(epoch.time, latency_ns, flags.week_unknown, &mut |sample| {
                 writer.write(Item::ForFilter((*sample).into()));
             });
         }
         writer.write(item);
     })?;
+    if info.fixes > 0 {
+        bail!(
+            "{} holds the receiver's own solutions and no observations: leave out --nav and --fault",
+            gnss.display()
+        );
+    }
     if let Some(pending) = pending {
         if has_samples {
             return Err(two_units(gnss));

@@ -111,9 +111,11 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .unwrap()
             .inertial_config()
             .unwrap(),
+        magnetometer: None,
         samples,
         units: Vec::new(),
         unit_samples: Vec::new(),
+        receiver_latency_ns: 0,
         bad_lines: 0,
     }
 }

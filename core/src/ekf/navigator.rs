@@ -13,7 +13,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::filter::{ErrorState, Filter, PredictWorkspace, Unhealthy};
 use super::information::{EpochInformation, MeasurementRow};
-use super::layout::{ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, GYRO_BIAS, VELOCITY};
+use super::layout::{
+    ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, GYRO_BIAS, POSITION, VELOCITY,
+};
 use super::process::{LeverState, ProcessAccumulator};
 use super::transition::Transition;
 use super::update::{UpdateSummary, UpdateWorkspace};
@@ -170,13 +172,17 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     }
 
     fn lever(&self) -> LeverState {
+        self.lever_at(&self.mechanisation, self.omega_ib_b)
+    }
+
+    fn lever_at(&self, mechanisation: &Mechanisation, omega_ib_b: [f64; 3]) -> LeverState {
         if self.lever_arm_b_m == [0.0; 3] {
             return LeverState::ZERO;
         }
         LeverState::new(
             self.lever_arm_b_m,
-            &block(&rotation::to_matrix(&self.mechanisation.q_e_b)),
-            self.omega_ib_b,
+            &block(&rotation::to_matrix(&mechanisation.q_e_b)),
+            omega_ib_b,
             OMEGA_EARTH_WGS84_RADPS,
         )
     }
@@ -203,6 +209,13 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         self.process.add_noise(VELOCITY, &equal(velocity_mps));
     }
 
+    /// Notes that the nominal is found to be wrong: its antenna is less certain by this much, one sigma per
+    /// axis, from the next epoch on.
+    pub fn widen(&mut self, position_m: f64, velocity_mps: f64) {
+        self.process.add_noise(POSITION, &equal(position_m));
+        self.process.add_noise(VELOCITY, &equal(velocity_mps));
+    }
+
     /// All times so far were wrong by this much, ns, as when the week becomes known.
     pub fn shift(&mut self, by_ns: i64) {
         self.time = self.time.plus_ns(by_ns);
@@ -223,18 +236,48 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         let r = self.mechanisation.r_eb_e
             + Vector3::from(lever.arm_e_m)
             + (v + self.acceleration_e * (0.5 * dt)) * dt;
-        let mut clock = self.clock;
-        let drift = clock.get(CLOCK_DRIFT).copied().unwrap_or(0.0);
-        if let Some(bias) = clock.get_mut(CLOCK_BIAS) {
-            *bias += drift * time.seconds_since(self.clock_time);
-        }
         AntennaState {
             time,
             r_e_m: r.into(),
             v_e_mps: (v + self.acceleration_e * dt).into(),
             q_e_b: rotation::with_positive_scalar(&self.mechanisation.q_e_b),
-            clock,
+            clock: self.clock_at(time),
         }
+    }
+
+    /// The antenna after these increments, each with its end, which follow those that the nominal was
+    /// carried over. The nominal stays where it is.
+    pub fn carried_over<'a>(
+        &self,
+        increments: impl Iterator<Item = (&'a Increment, GpsTime)>,
+    ) -> AntennaState<K> {
+        let mut mechanisation = self.mechanisation.clone();
+        let (mut time, mut omega_ib_b) = (self.time, self.omega_ib_b);
+        for (increment, end) in increments {
+            let step = mechanisation.step(increment);
+            if increment.dt_s > 0.0 {
+                omega_ib_b = step.omega_ib_b.into();
+                time = end;
+            }
+        }
+        let lever = self.lever_at(&mechanisation, omega_ib_b);
+        AntennaState {
+            time,
+            r_e_m: (mechanisation.r_eb_e + Vector3::from(lever.arm_e_m)).into(),
+            v_e_mps: (mechanisation.v_eb_e + Vector3::from(lever.arm_rate_e_mps)).into(),
+            q_e_b: rotation::with_positive_scalar(&mechanisation.q_e_b),
+            clock: self.clock_at(time),
+        }
+    }
+
+    /// The clock states at a time near the nominal's: the bias by its drift.
+    fn clock_at(&self, time: GpsTime) -> [f64; K] {
+        let mut clock = self.clock;
+        let drift = clock.get(CLOCK_DRIFT).copied().unwrap_or(0.0);
+        if let Some(bias) = clock.get_mut(CLOCK_BIAS) {
+            *bias += drift * time.seconds_since(self.clock_time);
+        }
+        clock
     }
 
     /// First half of an epoch: the filter and the clocks come to the time of the nominal. Gives the

@@ -128,6 +128,24 @@ impl Normals {
             }),
         })
     }
+
+    /// Covariance of the position, or the velocity, in the units of the weights: the solutions for unit
+    /// right-hand sides. `None` as with [`Normals::solve`].
+    pub fn covariance(&self) -> Option<[[f64; 3]; 3]> {
+        let mut unit = *self;
+        for sums in &mut unit.clocks {
+            sums.right = 0.0;
+        }
+        let mut columns = [[0.0; 3]; 3];
+        for (axis, column) in columns.iter_mut().enumerate() {
+            unit.position_right = [0.0; 3];
+            if let Some(right) = unit.position_right.get_mut(axis) {
+                *right = 1.0;
+            }
+            *column = unit.solve()?.position;
+        }
+        Some(columns)
+    }
 }
 
 #[cfg(test)]

@@ -532,8 +532,8 @@ impl SnapshotWorkspace {
         Err(SnapshotError::NoConvergence)
     }
 
-    /// Velocity and receiver clock drift from the range rates of the rows used.
-    fn velocity(&self) -> Option<(Vector3<f64>, f64)> {
+    /// The range rates of the rows used, as normal equations; `None` with fewer than four.
+    fn rate_normals(&self) -> Option<Normals> {
         let mut normals = Normals::ZERO;
         let mut rates = 0;
         let r_e = self.sky_at?;
@@ -550,14 +550,27 @@ impl SnapshotWorkspace {
             normals.add(scaled, 0, value_mps, 1.0 / (sigma_mps * sigma_mps));
             rates += 1;
         }
-        if rates < 4 {
-            return None;
-        }
-        let estimate = normals.solve()?;
+        (rates >= 4).then_some(normals)
+    }
+
+    /// Velocity and receiver clock drift from the range rates of the rows used.
+    fn velocity(&self) -> Option<(Vector3<f64>, f64)> {
+        let estimate = self.rate_normals()?.solve()?;
         Some((
             Vector3::from(estimate.position),
             estimate.clocks.first().copied().flatten()?,
         ))
+    }
+
+    /// One sigma of the velocity east, north, up by the model of the range rates, m/s; `None` where there is
+    /// none.
+    pub fn velocity_sigma_enu_mps(&self) -> Option<[f64; 3]> {
+        let r_e = self.sky_at?;
+        let llh = geodesy::to_llh(&Vector3::from(r_e)).ok()?;
+        let covariance = Matrix3::from(self.rate_normals()?.covariance()?);
+        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
+        let [[e, ..], [_, n, _], [.., u]] = (c_enu_e * covariance * c_enu_e.transpose()).into();
+        Some([libm::sqrt(e), libm::sqrt(n), libm::sqrt(u)])
     }
 
     #[inline(never)]

@@ -6,22 +6,25 @@ use super::corrected::CorrectedAssembler;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
+use super::latency::decode_receiver_latency;
+use super::magnetometer::decode_magnetometer;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
 };
+use super::receiver_fix::{decode_receiver_fix, receiver_fix};
 use super::units::decode_unit;
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
-use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch};
+use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch, ReceiverFix};
 use crate::time::{GPST_MINUS_BDT_S, GpsTime, NS_PER_S, NS_PER_WEEK};
 use crate::wire::broadcast::{Collected, Collector, Subframe, SubframeError};
 use crate::wire::counters::count;
 use crate::wire::native::{Frame, Kind};
 use crate::wire::rtcm3::header::EpochTime;
 use crate::wire::rtcm3::{BroadcastEphemeris, ContentError, Message, Msm, MsmHeader};
-use crate::wire::ubx::{self, Rawx};
+use crate::wire::ubx::{self, NavPvt, Rawx};
 use crate::wire::{Counters, Scanned};
 
 /// So many epochs before the last one, each later than the one before it and none on time between
@@ -30,6 +33,9 @@ use crate::wire::{Counters, Scanned};
 /// One wrong time silences the output for so many epochs at most, 3 s at 1 Hz; a time to alert is
 /// longer.
 const LATE_EPOCHS_FOLLOWED: u8 = 3;
+
+/// A receiver that has given its own solutions for so long and no observations sends none, ns.
+const NO_OBSERVATIONS_AFTER_NS: i64 = 5 * NS_PER_S;
 
 const NS_PER_MS: i64 = 1_000_000;
 
@@ -70,10 +76,29 @@ pub(super) struct Assembler {
     /// station's, with another clock and from another place, and gives no epoch any more: not while the
     /// receiver does not know the week, and not when it falls silent.
     has_rawx: bool,
+    /// Observations have come, of whatever kind: the receiver's own solutions are not used any more.
+    has_observations: bool,
+    fixes: FixTimes,
     /// Parts of navigation messages.
     subframes: Collector,
     /// The ephemeris of a frame that will be given again.
     held: Option<BroadcastEphemeris>,
+}
+
+/// When the receiver gave its own solutions.
+#[derive(Clone, Copy, Debug)]
+struct FixTimes {
+    first: Option<GpsTime>,
+    last: Option<GpsTime>,
+    late: LateEpochs,
+}
+
+impl FixTimes {
+    const NONE: Self = Self {
+        first: None,
+        last: None,
+        late: LateEpochs::NONE,
+    };
 }
 
 /// Epochs that came after a later one, in a row.
@@ -114,6 +139,8 @@ impl Assembler {
         weeks: WeekResolver::EMPTY,
         corrected: CorrectedAssembler::EMPTY,
         has_rawx: false,
+        has_observations: false,
+        fixes: FixTimes::NONE,
         subframes: Collector::EMPTY,
         held: None,
     };
@@ -191,6 +218,7 @@ impl Assembler {
                         ubx::PayloadError::WeekUnknown => &mut counters.rawx_without_week,
                         ubx::PayloadError::Length
                         | ubx::PayloadError::Version { .. }
+                        | ubx::PayloadError::OutOfRange
                         | ubx::PayloadError::TimeOfWeek { .. } => &mut counters.ubx_refused,
                     });
                     Outcome::Used
@@ -201,6 +229,7 @@ impl Assembler {
 
     /// Epochs are made from RXM-RAWX from now on; one begun with MSM is dropped.
     fn follow_rawx(&mut self) {
+        self.has_observations = true;
         if !self.has_rawx {
             self.has_rawx = true;
             self.is_open = false;
@@ -219,7 +248,21 @@ impl Assembler {
                 self.follow_rawx();
                 Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters))
             }
-
+            // Empty, it asks for the message.
+            ubx::NAV_PVT if !frame.payload.is_empty() => {
+                if self.has_observations {
+                    count(&mut counters.fixes_beside_observations);
+                    return Ok(Outcome::Used);
+                }
+                match receiver_fix(&NavPvt::parse(frame.payload)?) {
+                    Ok(fix) => Ok(self.take_fix(&fix, counters)),
+                    Err(ubx::PayloadError::WeekUnknown) => {
+                        count(&mut counters.fixes_without_date);
+                        Ok(Outcome::Used)
+                    }
+                    Err(error) => Err(error),
+                }
+            }
             ubx::RXM_SFRBX if !frame.payload.is_empty() => {
                 Ok(self.take_subframe(&ubx::sfrbx::parse(frame.payload)?, counters))
             }
@@ -228,6 +271,40 @@ impl Assembler {
                 Ok(Outcome::Used)
             }
         }
+    }
+
+    /// A receiver's own solution, which gives an epoch once it is known that no observations come.
+    fn take_fix(&mut self, fix: &ReceiverFix, counters: &mut Counters) -> Outcome {
+        if self.has_observations {
+            count(&mut counters.fixes_beside_observations);
+            return Outcome::Used;
+        }
+        let time = fix.time;
+        if self.fixes.last.is_some_and(|last| time <= last) {
+            if self.fixes.last == Some(time) || !self.fixes.late.note(time) {
+                count(&mut counters.messages_too_late);
+                return Outcome::Used;
+            }
+            count(&mut counters.time_restarts);
+        }
+        let shift_weeks = self.weeks.learn_epoch(time);
+        if let Some(event) = self.week_learnt(shift_weeks) {
+            return Outcome::FirstGives(event);
+        }
+        self.fixes.late = LateEpochs::NONE;
+        self.fixes.last = Some(time);
+        self.weeks.at_epoch(time);
+        let first = *self.fixes.first.get_or_insert(time);
+        let waited_ns = time.ns().saturating_sub(first.ns());
+        if waited_ns < 0 {
+            self.fixes.first = Some(time);
+        }
+        if waited_ns < NO_OBSERVATIONS_AFTER_NS {
+            count(&mut counters.fixes_held_back);
+            return Outcome::Used;
+        }
+        count(&mut counters.fixes_used);
+        Outcome::UsedGives(Event::ReceiverFix(*fix))
     }
 
     fn take_subframe(&mut self, subframe: &Subframe<'_>, counters: &mut Counters) -> Outcome {
@@ -352,6 +429,7 @@ impl Assembler {
             count(&mut counters.observations_of_another_source);
             return Outcome::Used;
         }
+        self.has_observations = true;
         // A sender from before the standard gives GPST where BDT belongs. Its time must not be
         // believed, nor may it break the epoch in two.
         let is_bdt = matches!(header.epoch, EpochTime::Bdt(_));
@@ -542,12 +620,22 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::MagneticField(sample))
             }
+            Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
+                decode_receiver_latency(frame.payload())?,
+            )),
+            Some(Kind::Magnetometer) => {
+                Outcome::UsedGives(Event::Magnetometer(decode_magnetometer(frame.payload())?))
+            }
             Some(Kind::InitialState) => {
                 Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))
             }
             Some(Kind::CorrectedObservations) => {
                 let group = CorrectedGroup::decode(frame.payload())?;
+                self.has_observations = true;
                 self.corrected.take(&group, counters)
+            }
+            Some(Kind::ReceiverFix) => {
+                self.take_fix(&decode_receiver_fix(frame.payload())?, counters)
             }
             Some(Kind::ReferenceModel) => Outcome::UsedGives(Event::ReferenceModel(
                 decode_reference_model(frame.payload())?,
@@ -568,6 +656,7 @@ impl Assembler {
     }
 
     fn take_group(&mut self, group: &ObservationGroup<'_>, counters: &mut Counters) -> Outcome {
+        self.has_observations = true;
         let time = if group.flags.week_unknown {
             self.weeks.resolve_provisional(group.time)
         } else {

@@ -5,15 +5,18 @@
 //! says that none follows, or a native frame that it is the last; it ends incomplete, and flagged,
 //! when a later one begins or the stream ends. Messages of an epoch that is over are dropped and
 //! counted. Inertial samples pass between the messages of an epoch and leave it as it is.
-//! Corrected epochs are put together by themselves. Layouts of native payloads:
-//! docs/native-frame.md.
+//! Corrected epochs are put together by themselves. A receiver's own solutions count only where it sends
+//! no observations. Layouts of native payloads: docs/native-frame.md.
 
 mod aiding;
 mod assembler;
 mod convert;
 mod corrected;
 mod inertial;
+mod latency;
+mod magnetometer;
 mod payload;
+mod receiver_fix;
 mod units;
 mod week;
 
@@ -28,19 +31,24 @@ pub use inertial::{
     decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
     encode_inertial, encode_initial_state, encode_reference_model,
 };
+pub use latency::{decode_receiver_latency, encode_receiver_latency};
+pub use magnetometer::{decode_magnetometer, encode_magnetometer};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
     encode_ephemeris, encode_klobuchar, encode_observations,
 };
+pub use receiver_fix::{
+    RECEIVER_FIX_FRAME_LENGTH, decode_receiver_fix, encode_receiver_fix, receiver_fix,
+};
 
 pub use units::{UNIT_FRAME_LENGTH, decode_unit, encode_unit};
 
 use crate::config::Config;
-use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch};
+use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch, ReceiverFix};
 use crate::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitConfig, UnitSample,
+    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
+    ReferenceModel, UnitConfig, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -87,10 +95,16 @@ pub enum Event {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    ReceiverLatency(u32),
+    /// What is known of a magnetometer, checked.
+    Magnetometer(Magnetometer),
     /// A state to start from.
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.
     ReferenceModel(ReferenceModel),
+    /// The receiver's own solution, of a receiver that sends no observations.
+    ReceiverFix(ReceiverFix),
     /// [`Ingest::corrected_epoch`] is ready, and stays so until the next call.
     CorrectedEpochReady,
     /// The stream ended.

@@ -219,9 +219,9 @@ impl TightMonitor {
         Ok(())
     }
 
-    /// Satellites that the bank has excluded: no opinion uses them.
+    /// Satellites that the bank has excluded: no opinion uses them, once its filters are believed.
     pub(crate) fn excluded(&self) -> SatelliteSet {
-        if self.is_running() {
+        if self.has_earned() {
             self.bank.excluded()
         } else {
             SatelliteSet::EMPTY
@@ -387,11 +387,13 @@ impl TightMonitor {
     pub(crate) fn on_silence_with_bank(
         &mut self,
         due: GpsTime,
+        until: GpsTime,
         memory: BankMemory<'_>,
         meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<TightSolution> {
         self.recording.opinion = None;
         self.bank_verdict = None;
+        self.release(until);
         let at = self.remembered.take().filter(|at| at.time == due)?;
         if !self.is_running() {
             return None;

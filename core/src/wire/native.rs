@@ -66,6 +66,8 @@ pub enum Kind {
     MagneticField = 13,
     /// What is known of one of several inertial units, into the monitor.
     Unit = 14,
+    /// How late the receiver's epochs arrive, into the monitor.
+    ReceiverLatency = 34,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -78,6 +80,10 @@ pub enum Kind {
     Satellites = 20,
     /// The inertial side at an epoch, after its report.
     InertialReport = 21,
+    /// What is known of a magnetometer and of the field where it is, into the monitor.
+    Magnetometer = 32,
+    /// The receiver's own solution, into the monitor.
+    ReceiverFix = 33,
 }
 
 impl Kind {
@@ -98,12 +104,15 @@ impl Kind {
             12 => Self::Pressure,
             13 => Self::MagneticField,
             14 => Self::Unit,
+            34 => Self::ReceiverLatency,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,
             19 => Self::Bank,
             20 => Self::Satellites,
             21 => Self::InertialReport,
+            32 => Self::Magnetometer,
+            33 => Self::ReceiverFix,
             _ => return None,
         })
     }

@@ -2,6 +2,7 @@
 //!
 //! | name | a trial | file |
 //! |---|---|---|
+//! | `alignment` | a start in each mode of alignment, its error against its sigma | `alignment.rs` |
 //! | `esbc-steps` | steps on satellites of a day of recording | `steps.rs` |
 //! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] | |
 //! | `recording-faults` | a replay of ESBC, walk or drive with an inertial unit and faults one after the other | `recording_faults.rs` |
@@ -12,6 +13,8 @@
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
 //! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
+//! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
+//! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -19,12 +22,14 @@
 //! flight scored epoch by epoch. `outcome.rs` adds up trials and shards, `binomial.rs` says how sure
 //! a count is, `figure.rs` draws.
 
+pub mod alignment;
 pub mod binomial;
 pub mod double_faults;
 pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod latency;
 pub mod monte_carlo;
 pub mod outcome;
 pub mod recording_faults;
@@ -36,6 +41,7 @@ pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
 pub mod voting;
+pub mod wide_headings;
 
 use std::path::{Path, PathBuf};
 
@@ -84,7 +90,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, latency, voting, wide-headings), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -122,7 +128,9 @@ pub fn run(args: &Args) -> Result<()> {
         "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
         name => name.to_owned(),
     };
-    if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+    if bank_campaign::<alignment::Alignment>(&name, args)?
+        || bank_campaign::<wide_headings::WideHeadings>(&name, args)?
+        || bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
         || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
         || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
@@ -130,6 +138,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
         || bank_campaign::<voting::VotingCampaign>(&name, args)?
+        || bank_campaign::<latency::Latency>(&name, args)?
     {
         return Ok(());
     }
@@ -172,7 +181,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, latency, voting, wide-headings, or merge"
             )
         }
     };

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use surefix_core::ingest::{Event, Ingest};
-use surefix_core::ins::{ImuSample, InertialConfig, UnitConfig, UnitSample};
+use surefix_core::ins::{ImuSample, InertialConfig, Magnetometer, UnitConfig, UnitSample};
 use surefix_core::time::{GpsTime, NS_PER_S};
 use surefix_core::wire::native::Frame;
 
@@ -27,12 +27,16 @@ const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
 pub struct Recorded {
     /// What is known of the unit.
     pub unit: InertialConfig,
+    /// What is known of a magnetometer beside it.
+    pub magnetometer: Option<Magnetometer>,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
     /// The units that vote, with their numbers; `unit` is then what the vote gives.
     pub units: Vec<(u8, UnitConfig)>,
     /// Their samples, in the order of the file; there are then no others.
     pub unit_samples: Vec<(u8, UnitSample)>,
+    /// How long after its instant an epoch of the receiver beside it arrives, ns.
+    pub receiver_latency_ns: u32,
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -69,9 +73,11 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         read_csv(&text, file, settings.interval_ns()?).with_context(|| format!("{name}"))?;
     Ok(Recorded {
         unit,
+        magnetometer: settings.magnetometer()?,
         samples,
         units: Vec::new(),
         unit_samples: Vec::new(),
+        receiver_latency_ns: settings.receiver_latency_ns()?,
         bad_lines,
     })
 }
@@ -89,7 +95,10 @@ impl Recorded {
 
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
     let mut unit = settings.map(ImuSettings::inertial_config).transpose()?;
+    let mut latency_ns = settings.map(ImuSettings::receiver_latency_ns).transpose()?;
     let mut ingest = Box::new(Ingest::EMPTY);
+    let magnetometer = settings.map(ImuSettings::magnetometer).transpose()?;
+    let mut magnetometer = magnetometer.flatten();
     let (mut samples, mut rest) = (Vec::new(), bytes);
     let (mut units, mut unit_samples) = (Vec::new(), Vec::new());
     loop {
@@ -104,6 +113,12 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
             Event::UnitSample { unit, sample } => unit_samples.push((unit, sample)),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
+            }
+            Event::ReceiverLatency(said_ns) => {
+                latency_ns.get_or_insert(said_ns);
+            }
+            Event::Magnetometer(said) => {
+                magnetometer.get_or_insert(said);
             }
             Event::EpochReady | Event::CorrectedEpochReady => {
                 bail!("it holds observations too: give the whole stream as --gnss, without --imu")
@@ -129,9 +144,11 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
     };
     Ok(Recorded {
         unit,
+        magnetometer,
         samples,
         units,
         unit_samples,
+        receiver_latency_ns: latency_ns.unwrap_or(0),
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }

@@ -15,8 +15,8 @@ use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::alignment::AlignmentMode;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, MagneticSample, MeasurementFactors, PressureSample, ReferenceModel, SensorRange,
-    UnitConfig, UnitFault, UnitSample, UnitState, UnitTolerance, Voting, VotingMode,
+    InitialState, MagneticSample, Magnetometer, MeasurementFactors, PressureSample, ReferenceModel,
+    SensorRange, UnitConfig, UnitFault, UnitSample, UnitState, UnitTolerance, Voting, VotingMode,
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
@@ -39,6 +39,10 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     call1(ingest::decode_ephemeris, bytes);
     call1(ingest::decode_klobuchar, bytes);
     call1(ingest::decode_configuration, bytes);
+    call1(ingest::decode_receiver_fix, bytes);
+    if let Ok(fix) = ingest::decode_receiver_fix(black_box(bytes)) {
+        call2(ingest::encode_receiver_fix, &fix, &mut out);
+    }
     call1(ObservationGroup::decode, bytes);
     if let Ok(group) = ObservationGroup::decode(black_box(bytes)) {
         let refused = |why| {
@@ -140,7 +144,20 @@ const VOTER: UnitConfig = UnitConfig {
     },
 };
 
+pub const MAGNETOMETER: Magnetometer = Magnetometer {
+    hard_iron_s_ut: [10.0, 0.0, 0.0],
+    soft_iron_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    declination_rad: 0.1,
+    sigma_declination_rad: 0.01,
+    declination_year: 2026.0,
+    dip_rad: 1.0,
+    strength_ut: 50.0,
+    sigma_ut: 0.5,
+};
+
 fn inertial(bytes: &[u8], out: &mut [u8]) {
+    call2(ingest::encode_magnetometer, &MAGNETOMETER, &mut *out);
+    call1(ingest::decode_magnetometer, bytes);
     call1(InertialConfig::check, &UNIT);
     call2(ingest::encode_imu, &SAMPLE, &mut *out);
     call2(ingest::encode_inertial, &UNIT, &mut *out);
@@ -218,6 +235,9 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::refused_configurations, &monitor);
     call1(Monitor::store, &monitor);
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
+    call2(Monitor::configure_receiver_latency, &mut monitor, 0);
+    call1(Monitor::navigation_now, &monitor);
+    call2(Monitor::configure_magnetometer, &mut monitor, &MAGNETOMETER);
     call1(Monitor::tight, &monitor);
     call1(Monitor::opinions, &monitor);
     call1(Monitor::alert_state, &monitor);
@@ -295,6 +315,8 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call2(ingest::encode_pressure, &pressure, out);
     call2(ingest::encode_magnetic_field, &field, out);
     call1(ingest::decode_unit_sample, bytes);
+    call2(ingest::encode_receiver_latency, 120_000_000, out);
+    call1(ingest::decode_receiver_latency, bytes);
     call1(ingest::decode_pressure, bytes);
     call1(ingest::decode_magnetic_field, bytes);
 
@@ -352,7 +374,17 @@ fn tight() {
     );
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
+    call1(TightMonitor::is_loose, &tight);
+    call2(
+        TightMonitor::configure_magnetometer,
+        &mut tight,
+        &MAGNETOMETER,
+    );
+    call1(TightMonitor::has_earned, &tight);
+    call1(TightMonitor::obstacle, &tight);
     call1(TightMonitor::alignment_mode, &tight);
+    call1(TightMonitor::navigation_now, &tight);
+    call1(TightMonitor::horizon, &tight);
     call1(TightMonitor::sigma_attitude_ned_rad, &tight);
     call1(TightMonitor::intake, &tight);
     call1(TightMonitor::navigator, &tight);
