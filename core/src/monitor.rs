@@ -21,13 +21,15 @@ use crate::gnss::{
     BroadcastIonosphere, EphemerisStore, FixSolution, FixVelocity, ObservationEpoch, ReceiverFix,
     SatelliteSet, System,
 };
-use crate::inertial_report::{AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart};
+use crate::inertial_report::{
+    AidsPart, AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart,
+};
 use crate::ingest::{Event, Ingest};
 use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, InertialConfigError, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample,
-    Magnetometer, PressureSample, UnitConfig, UnitFault, UnitSample, UnitState, Voting,
-    VotingConfigureError, VotingMode,
+    AidsConfig, AidsConfigError, InertialConfig, InertialConfigError, IntakeCounters,
+    MAX_LATENCY_NS, MAX_UNITS, MagneticSample, Magnetometer, PressureSample, UnitConfig, UnitFault,
+    UnitSample, UnitState, Voting, VotingConfigureError, VotingMode,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -182,6 +184,17 @@ impl Monitor {
         self.voting.add(unit, config)
     }
 
+    /// Adds the aids: a barometer, standstills. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`AidsConfigError`]; the aids are then those of before.
+    pub fn configure_aids(&mut self, aids: &AidsConfig) -> Result<(), AidsConfigError> {
+        aids.check()?;
+        self.snapshot.height_mut().configure(aids.barometer);
+        self.tight.configure_aids(aids);
+        Ok(())
+    }
+
     /// Says how long after its instant an epoch of the receiver arrives at the least, ns. Without it the
     /// monitor learns it from the epochs that come: it is what a missing epoch is waited for, besides half an
     /// interval. A frame in the stream does the same, until the first epoch.
@@ -227,6 +240,12 @@ impl Monitor {
         }
     }
 
+    /// Bytes given to [`Monitor::push`] from which nothing has followed yet: the frame that is not complete.
+    /// A sample handed in now takes effect before them.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.ingest.bytes_in_hand()
+    }
+
     /// No more bytes will come: gives an epoch that waited for more, then [`Ready::EndOfStream`].
     pub fn finish(&mut self) -> Ready {
         // One unfinished frame can bring a few events before the end; none brings a hundred.
@@ -251,6 +270,12 @@ impl Monitor {
             Event::Inertial(config) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_inertial(&config).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Aids(aids) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_aids(&aids).is_ok();
                 self.note_refusal(is_accepted);
                 None
             }
@@ -327,6 +352,7 @@ impl Monitor {
                 self.readmission.shift();
                 self.voting.shift(shift_ns);
                 self.tight.shift(shift_ns);
+                self.snapshot.height_mut().shift(shift_ns);
                 None
             }
             Event::EpochReady => {
@@ -373,8 +399,11 @@ impl Monitor {
         None
     }
 
-    /// Takes a sample of a barometer.
-    pub fn on_pressure(&mut self, _sample: &PressureSample) {}
+    /// Takes a sample of a barometer; without [`Monitor::configure_aids`] nothing comes of it.
+    pub fn on_pressure(&mut self, sample: &PressureSample) {
+        self.snapshot.height_mut().on_pressure(sample);
+        self.tight.on_pressure(sample);
+    }
 
     /// Takes a sample of a magnetometer.
     pub fn on_magnetic_field(&mut self, sample: &MagneticSample) {
@@ -793,7 +822,18 @@ impl Monitor {
                 horizon: self.tight.horizon(),
                 now: self.navigation_now(),
             },
+            aids: self.aids_part(),
         })
+    }
+
+    fn aids_part(&self) -> AidsPart {
+        let [standstill, climb] = self.tight.aids_used();
+        AidsPart {
+            standstill,
+            climb,
+            height: self.snapshot.height_use(),
+            height_bias_m: self.snapshot.height().bias_m(),
+        }
     }
 
     /// Where the antenna is now, which is the end of the newest inertial sample: the filter's nominal carried

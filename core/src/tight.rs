@@ -36,6 +36,7 @@ use crate::snapshot::Assessment;
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
+mod aids;
 mod clocks;
 mod earned;
 mod horizon;
@@ -46,6 +47,7 @@ mod scenario;
 mod solution;
 mod start;
 
+use aids::Aids;
 use clocks::offset_of;
 use earned::Earned;
 use loose::Loose;
@@ -213,6 +215,7 @@ pub struct TightMonitor {
     remembered: Option<AntennaState<CLOCKS>>,
     /// Where the attitude that the filter started from came from.
     alignment_mode: AlignmentMode,
+    aids: Aids,
     /// Why there is no attitude.
     obstacle: Obstacle,
     /// Whether the filter is believed.
@@ -251,6 +254,7 @@ impl TightMonitor {
         untold: None,
         remembered: None,
         alignment_mode: AlignmentMode::None,
+        aids: Aids::EMPTY,
         obstacle: Obstacle::None,
         earned: Earned::NOTHING,
         loose: Loose::OFF,
@@ -366,8 +370,8 @@ impl TightMonitor {
 
     /// A sample of the magnetometer.
     pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
-        if !self.is_running() {
-            self.alignment.on_field(sample);
+        if let Some(sample) = self.horizon.put_field(sample) {
+            self.take_field(&sample);
         }
     }
 
@@ -417,6 +421,7 @@ impl TightMonitor {
         self.bank.restart();
         self.bank_verdict = None;
         self.recording.start();
+        self.aids.restart();
         self.late = 0;
         self.remembered = None;
         self.loose.start();
@@ -457,6 +462,7 @@ impl TightMonitor {
                 .scale_sigmas(factors.pseudorange, factors.range_rate);
         }
         let _ = self.prepare_clocks(&mut at, tested);
+        self.note_speed(tested);
         self.finish(&at)
     }
 
@@ -614,6 +620,7 @@ impl TightMonitor {
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
+        self.aids.shift(by_ns);
         self.loose.shift(by_ns);
         self.bank_verdict = None;
         self.alignment.restart();
@@ -694,6 +701,7 @@ impl TightMonitor {
     }
 
     fn step(&mut self, increment: &Increment, time: GpsTime) {
+        self.aids.on_increment(increment);
         if self.is_running() {
             self.navigator.step(increment, time);
         } else {
@@ -723,7 +731,20 @@ impl TightMonitor {
                 }
             }
         }
-        let solution = self.navigator.update().ok().and_then(|summary| {
+        if self.reference.is_none() {
+            self.ask_aids();
+            if self.aids.information().rows() > 0 {
+                self.navigator
+                    .information_mut()
+                    .add(self.aids.information());
+            }
+        }
+        let summary = self.navigator.update_filter();
+        let correction = self.navigator.finish().ok();
+        if let Some(correction) = &correction {
+            self.rereference_aids(correction);
+        }
+        let solution = correction.and_then(|_| {
             let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
             let told = if passed_ns > MAX_LEAD_NS {
                 *at

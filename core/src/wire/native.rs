@@ -66,6 +66,8 @@ pub enum Kind {
     MagneticField = 13,
     /// What is known of one of several inertial units, into the monitor.
     Unit = 14,
+    /// The aids there are, into the monitor.
+    Aids = 15,
     /// How late the receiver's epochs arrive, into the monitor.
     ReceiverLatency = 34,
     /// What the monitor says of an epoch.
@@ -104,6 +106,7 @@ impl Kind {
             12 => Self::Pressure,
             13 => Self::MagneticField,
             14 => Self::Unit,
+            15 => Self::Aids,
             34 => Self::ReceiverLatency,
             16 => Self::Report,
             17 => Self::Counters,
