@@ -156,37 +156,6 @@ impl Monitor {
             .map_err(TightConfigureError::Stats)
     }
 
-<<<<<<< HEAD
-    /// Adds the unit of a number, below [`MAX_UNITS`], to those that vote, after
-    /// [`Monitor::configure_inertial`], which says what the vote gives: its interval, the way from the body
-    /// point to the antenna, noise, and no mounting. A frame in the stream does the same, until the first
-    /// epoch.
-    ///
-    /// # Errors
-    /// [`VotingConfigureError`]; the units are then as they were.
-    pub fn configure_unit(
-        &mut self,
-        unit: u8,
-        config: &UnitConfig,
-    ) -> Result<(), VotingConfigureError> {
-        let Some(voted) = self.tight.config() else {
-            return Err(VotingConfigureError::Config(
-                InertialConfigError::Interval { interval_ns: 0 },
-            ));
-        };
-        // The vote gives body axes.
-        if voted.c_b_s != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-            return Err(VotingConfigureError::Config(InertialConfigError::Mounting));
-        }
-        let interval_ns = voted.interval_ns;
-        if !self.voting.is_configured() || self.voting.interval_ns() != interval_ns {
-            self.voting.begin(interval_ns)?;
-        }
-        self.voting.add(unit, config)
-    }
-
-=======
->>>>>>> main
     /// Adds the aids: a barometer, standstills. A frame in the stream does the same, until the first epoch.
     ///
     /// # Errors
@@ -222,8 +191,6 @@ impl Monitor {
         magnetometer: &Magnetometer,
     ) -> Result<(), MagnetometerError> {
         self.tight.configure_magnetometer(magnetometer)
-<<<<<<< HEAD
-=======
     }
 
     /// Adds the unit of a number, below [`MAX_UNITS`], to those that vote, after
@@ -252,7 +219,6 @@ impl Monitor {
             self.voting.begin(interval_ns)?;
         }
         self.voting.add(unit, config)
->>>>>>> main
     }
 
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were

@@ -498,17 +498,10 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
-<<<<<<< HEAD
-                | FilterInput::VotingUnit(..)
-                | FilterInput::Aids(_)
-                | FilterInput::Latency(_)
-                | FilterInput::Magnetometer(_)
-=======
                 | FilterInput::Aids(_)
                 | FilterInput::Latency(_)
                 | FilterInput::Magnetometer(_)
                 | FilterInput::VotingUnit(..)
->>>>>>> main
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -697,12 +690,6 @@ pub fn stream_with(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
-<<<<<<< HEAD
-        for (unit, config) in &imu.units {
-            writer.append(|out| encode_unit(*unit, config, out));
-        }
-=======
->>>>>>> main
         if imu.receiver_latency_ns > 0 {
             writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
         }

@@ -113,15 +113,9 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .unwrap(),
         magnetometer: None,
         samples,
-<<<<<<< HEAD
-        units: Vec::new(),
-        unit_samples: Vec::new(),
-        receiver_latency_ns: 0,
-=======
         receiver_latency_ns: 0,
         units: Vec::new(),
         unit_samples: Vec::new(),
->>>>>>> main
         bad_lines: 0,
     }
 }

@@ -64,20 +64,12 @@ pub enum Kind {
     Pressure = 12,
     /// A sample of a magnetometer, into the monitor.
     MagneticField = 13,
-<<<<<<< HEAD
-    /// What is known of one of several inertial units, into the monitor.
-    Unit = 14,
-=======
->>>>>>> main
     /// The aids there are, into the monitor.
     Aids = 15,
     /// How late the receiver's epochs arrive, into the monitor.
     ReceiverLatency = 34,
-<<<<<<< HEAD
-=======
     /// What is known of one of several inertial units, into the monitor.
     Unit = 14,
->>>>>>> main
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -113,15 +105,9 @@ impl Kind {
             11 => Self::UnitSample,
             12 => Self::Pressure,
             13 => Self::MagneticField,
-<<<<<<< HEAD
-            14 => Self::Unit,
-            15 => Self::Aids,
-            34 => Self::ReceiverLatency,
-=======
             15 => Self::Aids,
             34 => Self::ReceiverLatency,
             14 => Self::Unit,
->>>>>>> main
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,

@@ -12,17 +12,10 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
-<<<<<<< HEAD
-//! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
-//! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
-//! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
-//! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
-=======
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
 //! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
->>>>>>> main
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -99,11 +92,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-<<<<<<< HEAD
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, voting, wide-headings), or `merge` to add results of shards
-=======
     /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings), or `merge` to add results of shards
->>>>>>> main
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -150,13 +139,8 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
-<<<<<<< HEAD
-        || bank_campaign::<voting::VotingCampaign>(&name, args)?
-        || bank_campaign::<latency::Latency>(&name, args)?
-=======
         || bank_campaign::<latency::Latency>(&name, args)?
         || bank_campaign::<voting::VotingCampaign>(&name, args)?
->>>>>>> main
     {
         return Ok(());
     }
@@ -208,11 +192,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-<<<<<<< HEAD
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, voting, wide-headings, or merge"
-=======
                 "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, or merge"
->>>>>>> main
             )
         }
     };

@@ -424,7 +424,10 @@ mod tests {
             let of = |wanted: fn(Piece, usize) -> bool| {
                 pieces.iter().filter(|p| wanted(**p, grade)).count() as u64
             };
-            assert_eq!(of(|p, g| matches!(p, Piece::Faults(of, _) if of == g)), ONSETS);
+            assert_eq!(
+                of(|p, g| matches!(p, Piece::Faults(of, _) if of == g)),
+                ONSETS
+            );
             assert_eq!(of(|p, g| matches!(p, Piece::Sweep(of, _) if of == g)), 2);
             let flights = of(|p, g| matches!(p, Piece::Healthy(of, _) if of == g));
             assert!(flights as f64 * 480.0 >= HEALTHY_H * 3600.0);

@@ -31,20 +31,12 @@ pub struct Recorded {
     pub magnetometer: Option<Magnetometer>,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
-<<<<<<< HEAD
-=======
     /// How long after its instant an epoch of the receiver beside it arrives, ns.
     pub receiver_latency_ns: u32,
->>>>>>> main
     /// The units that vote, with their numbers; `unit` is then what the vote gives.
     pub units: Vec<(u8, UnitConfig)>,
     /// Their samples, in the order of the file; there are then no others.
     pub unit_samples: Vec<(u8, UnitSample)>,
-<<<<<<< HEAD
-    /// How long after its instant an epoch of the receiver beside it arrives, ns.
-    pub receiver_latency_ns: u32,
-=======
->>>>>>> main
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -83,15 +75,9 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         unit,
         magnetometer: settings.magnetometer()?,
         samples,
-<<<<<<< HEAD
-        units: Vec::new(),
-        unit_samples: Vec::new(),
-        receiver_latency_ns: settings.receiver_latency_ns()?,
-=======
         receiver_latency_ns: settings.receiver_latency_ns()?,
         units: Vec::new(),
         unit_samples: Vec::new(),
->>>>>>> main
         bad_lines,
     })
 }
@@ -160,15 +146,9 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         unit,
         magnetometer,
         samples,
-<<<<<<< HEAD
-        units,
-        unit_samples,
-        receiver_latency_ns: latency_ns.unwrap_or(0),
-=======
         receiver_latency_ns: latency_ns.unwrap_or(0),
         units,
         unit_samples,
->>>>>>> main
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }

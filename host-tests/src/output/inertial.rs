@@ -35,13 +35,8 @@ pub fn write_inertial(
             let sigma_rad = inertial.alignment.sigma_ned_rad.map(|sigma| sigma[axis]);
             field(&mut line, sigma_rad.map(f64::to_degrees));
         }
-<<<<<<< HEAD
-        let obstacle = inertial.alignment.obstacle.name();
-        let _ = write!(line, ",{obstacle},{}", inertial.voting.name());
-=======
         let _ = write!(line, ",{}", inertial.alignment.obstacle.name());
         let _ = write!(line, ",{}", inertial.voting.name());
->>>>>>> main
         for unit in &inertial.units {
             let _ = write!(line, ",{}", unit.state.name());
         }

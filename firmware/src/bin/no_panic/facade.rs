@@ -131,8 +131,6 @@ pub const UNIT: InertialConfig = InertialConfig {
     },
 };
 
-<<<<<<< HEAD
-=======
 pub const MAGNETOMETER: Magnetometer = Magnetometer {
     hard_iron_s_ut: [10.0, 0.0, 0.0],
     soft_iron_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -144,7 +142,6 @@ pub const MAGNETOMETER: Magnetometer = Magnetometer {
     sigma_ut: 0.5,
 };
 
->>>>>>> main
 const VOTER: UnitConfig = UnitConfig {
     interval_ns: UNIT.interval_ns,
     c_b_s: UNIT.c_b_s,
@@ -157,20 +154,6 @@ const VOTER: UnitConfig = UnitConfig {
         scale: 1e-3,
         timing_s: 1e-4,
     },
-<<<<<<< HEAD
-};
-
-pub const MAGNETOMETER: Magnetometer = Magnetometer {
-    hard_iron_s_ut: [10.0, 0.0, 0.0],
-    soft_iron_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
-    declination_rad: 0.1,
-    sigma_declination_rad: 0.01,
-    declination_year: 2026.0,
-    dip_rad: 1.0,
-    strength_ut: 50.0,
-    sigma_ut: 0.5,
-=======
->>>>>>> main
 };
 
 fn inertial(bytes: &[u8], out: &mut [u8]) {
