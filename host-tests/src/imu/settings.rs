@@ -420,7 +420,7 @@ impl ImuSettings {
                 bail!("[imu.mounting] holds an angle that is no number")
             }
             Err(InertialConfigError::HeadingLimit { value_rad }) => bail!(
-                "[imu.start] max_heading_sigma_deg = {} is not between 0 and 45",
+                "[imu.start] max_heading_sigma_deg = {} is not between 0 and 30",
                 value_rad.to_degrees()
             ),
             Err(InertialConfigError::LeverArm) => bail!(
@@ -575,7 +575,7 @@ mod tests {
             r#"attitude = "gyrocompass", max_heading_sigma_deg = 50"#,
             "",
         );
-        assert!(wide.unwrap_err().to_string().contains("between 0 and 45"));
+        assert!(wide.unwrap_err().to_string().contains("between 0 and 30"));
         let magnetic = r#"attitude = "magnetic_field""#;
         let without = start(magnetic, "").unwrap_err().to_string();
         assert!(without.contains("[imu.magnetometer]"), "{without}");
