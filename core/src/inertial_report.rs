@@ -4,8 +4,8 @@
 //!
 //! One struct per theme, so that each is filled in one place.
 
-use crate::ins::MAX_UNITS;
 use crate::ins::alignment::{AlignmentMode, Obstacle};
+use crate::ins::{HorizonState, MAX_UNITS};
 use crate::report::ReportError;
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, Reader, Writer};
@@ -109,26 +109,100 @@ impl UnitPart {
     }
 }
 
+/// Where the antenna is at the end of the newest sample: the filter's nominal carried over the samples that
+/// wait for their epoch. No monitor has tested it, and no level bounds it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NavigationNow {
+    /// When.
+    pub time: GpsTime,
+    /// Position, ECEF, m.
+    pub r_e_m: [f64; 3],
+    /// Velocity against the Earth, ECEF, m/s.
+    pub v_e_mps: [f64; 3],
+    /// Rotation from body to ECEF, scalar first and not negative.
+    pub q_e_b: [f64; 4],
+}
+
+impl NavigationNow {
+    const LENGTH: usize = 8 + 10 * 8;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        writer.put_i64(self.time.ns())?;
+        let all = self.r_e_m.iter().chain(&self.v_e_mps).chain(&self.q_e_b);
+        for value in all {
+            writer.put_f64(*value)?;
+        }
+        Ok(())
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let mut now = Self {
+            time: GpsTime::from_ns(reader.i64()?),
+            r_e_m: [0.0; 3],
+            v_e_mps: [0.0; 3],
+            q_e_b: [0.0; 4],
+        };
+        let all = now
+            .r_e_m
+            .iter_mut()
+            .chain(&mut now.v_e_mps)
+            .chain(&mut now.q_e_b);
+        for value in all {
+            *value = reader.f64()?;
+        }
+        Ok(now)
+    }
+}
+
+/// In the place of a position that is not there.
+const NOWHERE: NavigationNow = NavigationNow {
+    time: GpsTime::from_ns(0),
+    r_e_m: [0.0; 3],
+    v_e_mps: [0.0; 3],
+    q_e_b: [0.0; 4],
+};
+
 /// How late the receiver was.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimingPart {
     /// Time of the newest sample minus that of the epoch when it was processed, ns.
     pub lead_of_samples_ns: Option<i64>,
+    /// Latency that a missing epoch is waited for, ns: as it was configured, or as late as epochs came.
+    pub latency_ns: i64,
+    /// What waits for an epoch, and how many epochs came too late.
+    pub horizon: HorizonState,
+    /// Where the antenna is now; `None` while the filter does not run.
+    pub now: Option<NavigationNow>,
 }
 
 impl TimingPart {
-    const LENGTH: usize = 1 + 8;
+    const LENGTH: usize = 1 + 8 + 8 + 2 + 4 + 1 + NavigationNow::LENGTH;
 
     fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
         writer.put_u8(self.lead_of_samples_ns.is_some().into())?;
-        writer.put_i64(self.lead_of_samples_ns.unwrap_or(0))
+        writer.put_i64(self.lead_of_samples_ns.unwrap_or(0))?;
+        writer.put_i64(self.latency_ns)?;
+        writer.put_u16(self.horizon.held)?;
+        writer.put_u32(self.horizon.too_late)?;
+        writer.put_u8(self.now.is_some().into())?;
+        self.now.unwrap_or(NOWHERE).write(writer)
     }
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
         let is_there = flag(reader)?;
         let lead_ns = reader.i64()?;
+        let latency_ns = reader.i64()?;
+        let horizon = HorizonState {
+            held: reader.u16()?,
+            too_late: reader.u32()?,
+        };
+        let is_running = flag(reader)?;
+        let now = NavigationNow::read(reader)?;
         Ok(Self {
             lead_of_samples_ns: is_there.then_some(lead_ns),
+            latency_ns,
+            horizon,
+            now: is_running.then_some(now),
         })
     }
 }
@@ -228,6 +302,17 @@ mod tests {
             ],
             timing: TimingPart {
                 lead_of_samples_ns: Some(-3_000_000),
+                latency_ns: 120_000_000,
+                horizon: HorizonState {
+                    held: 12,
+                    too_late: 70_000,
+                },
+                now: Some(NavigationNow {
+                    time: GpsTime::from_week_tow_s(2400, 18),
+                    r_e_m: [6.4e6, -1.0, 2.5],
+                    v_e_mps: [16.0, 0.1, -3.0],
+                    q_e_b: [0.5, -0.5, 0.5, -0.5],
+                }),
             },
         }
     }

@@ -21,12 +21,14 @@ use crate::gnss::{
     BroadcastIonosphere, EphemerisStore, FixSolution, FixVelocity, ObservationEpoch, ReceiverFix,
     SatelliteSet, System,
 };
-use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState};
+use crate::inertial_report::{
+    AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart, UnitState,
+};
 use crate::ingest::{Event, Ingest};
 use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample, Magnetometer, PressureSample,
-    UnitSample,
+    InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample, Magnetometer,
+    PressureSample, UnitSample,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -51,6 +53,13 @@ pub enum Ready {
     EndOfStream,
 }
 
+/// A receiver's latency beyond [`MAX_LATENCY_NS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatencyTooLong {
+    /// The latency given, ns.
+    pub latency_ns: u32,
+}
+
 /// What [`Ready::Epoch`] announced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Pending {
@@ -60,8 +69,8 @@ enum Pending {
     Corrected,
     /// The receiver's own solution, of a receiver without observations.
     Fix(ReceiverFix),
-    /// Nothing: an epoch was due and the receiver is silent.
-    Silence { time: GpsTime },
+    /// Nothing: an epoch was due and the receiver is silent. The filter goes on without it, to `until`.
+    Silence { time: GpsTime, until: GpsTime },
 }
 
 /// All state of surefix.
@@ -138,9 +147,24 @@ impl Monitor {
             .config()
             .map_or(Config::PRESET.phase, |config| config.phase);
         self.tight.configure(inertial, &phase.requirements())?;
+        self.tight.expect(self.rhythm.due());
         self.snapshot
             .share_false_alerts(SNAPSHOT_FALSE_ALERT_SHARE)
             .map_err(TightConfigureError::Stats)
+    }
+
+    /// Says how long after its instant an epoch of the receiver arrives at the least, ns. Without it the
+    /// monitor learns it from the epochs that come: it is what a missing epoch is waited for, besides half an
+    /// interval. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`LatencyTooLong`] when the filter's history does not reach back so far; nothing is changed then.
+    pub fn configure_receiver_latency(&mut self, latency_ns: u32) -> Result<(), LatencyTooLong> {
+        if i64::from(latency_ns) > MAX_LATENCY_NS {
+            return Err(LatencyTooLong { latency_ns });
+        }
+        self.rhythm.know_latency(latency_ns.into());
+        Ok(())
     }
 
     /// Adds a magnetometer, whose field gives a heading. A frame in the stream does the same, until the first
@@ -201,6 +225,12 @@ impl Monitor {
                 self.note_refusal(is_accepted);
                 None
             }
+            Event::ReceiverLatency(latency_ns) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_receiver_latency(latency_ns).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
             Event::Magnetometer(magnetometer) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_magnetometer(&magnetometer).is_ok();
@@ -257,11 +287,13 @@ impl Monitor {
             Event::EpochReady => {
                 self.pending = Pending::Observations;
                 self.rhythm.epoch(self.ingest.epoch().time);
+                self.tight.expect(self.rhythm.due());
                 Some(Ready::Epoch)
             }
             Event::ReceiverFix(fix) => {
                 self.pending = Pending::Fix(fix);
                 self.rhythm.epoch(fix.time);
+                self.tight.expect(self.rhythm.due());
                 Some(Ready::Epoch)
             }
             Event::CorrectedEpochReady => {
@@ -301,23 +333,26 @@ impl Monitor {
         if self.tight.status() == InertialStatus::Off {
             return None;
         }
-        if let Some(due) = self.rhythm.due() {
-            self.tight.remember(due);
-        }
+        self.tight.expect(self.rhythm.due());
         let time = self.rhythm.sample(now)?;
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
+    }
+
+    /// The epoch due at `time` has not come by `now`. Those after it may still be on their way.
+    fn miss(&mut self, time: GpsTime, now: GpsTime) -> Ready {
+        let until = now.plus_ns(-self.rhythm.latency_ns());
+        self.pending = Pending::Silence { time, until };
+        Ready::Epoch
     }
 
     /// Asks whether an epoch is overdue at `now`, by a clock of whoever runs the monitor: with receiver and
     /// inertial unit both silent no byte comes that could say so. [`Ready::Epoch`] when one is, half an
-    /// interval after it was due: [`Monitor::process`] then reports the silence. Core has no clock of
+    /// interval after it should have arrived: [`Monitor::process`] then reports the silence. Core has no clock of
     /// its own; without this call nothing is said until bytes come again.
     pub fn tick(&mut self, now: GpsTime) -> Option<Ready> {
         let time = self.rhythm.missed(now)?;
         self.tight.hear_nothing(now);
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
     }
 
     /// Assesses the epoch that [`Ready::Epoch`] announced.
@@ -338,7 +373,7 @@ impl Monitor {
             Pending::Observations => self.process_observations(counter, memory),
             Pending::Corrected => self.process_corrected(counter, memory),
             Pending::Fix(fix) => self.process_fix(&fix, counter),
-            Pending::Silence { time } => self.process_silence(time, counter, memory),
+            Pending::Silence { time, until } => self.process_silence(time, until, counter, memory),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
         report.since_first_ns = report.time.ns().wrapping_sub(first_epoch.ns());
@@ -536,6 +571,7 @@ impl Monitor {
     fn process_silence(
         &mut self,
         time: GpsTime,
+        until: GpsTime,
         counter: &mut impl CycleCounter,
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
@@ -549,8 +585,10 @@ impl Monitor {
         let mut meter = Meter::new(counter, begin);
         let is_loose = self.tight.is_loose();
         let tight = match memory {
-            Some(memory) if !is_loose => self.tight.on_silence_with_bank(time, memory, &mut meter),
-            _ => self.tight.on_silence(time),
+            Some(memory) if !is_loose => self
+                .tight
+                .on_silence_with_bank(time, until, memory, &mut meter),
+            _ => self.tight.on_silence(time, until),
         };
         match tight.filter(|_| self.tight.has_earned()) {
             Some(solution) if is_loose => self.serve_loose(&mut report, &solution),
@@ -683,7 +721,23 @@ impl Monitor {
             timing: TimingPart {
                 lead_of_samples_ns: newest
                     .map(|newest| newest.ns().saturating_sub(report.time.ns())),
+                latency_ns: self.rhythm.latency_ns(),
+                horizon: self.tight.horizon(),
+                now: self.navigation_now(),
             },
+        })
+    }
+
+    /// Where the antenna is now, which is the end of the newest inertial sample: the filter's nominal carried
+    /// over the samples that wait for their epoch. Nothing has tested it and no level bounds it; it
+    /// is for a consumer that must act at once. `None` while the filter does not run.
+    pub fn navigation_now(&self) -> Option<NavigationNow> {
+        let at = self.tight.navigation_now()?;
+        Some(NavigationNow {
+            time: at.time,
+            r_e_m: at.r_e_m,
+            v_e_mps: at.v_e_mps,
+            q_e_b: at.q_e_b,
         })
     }
 

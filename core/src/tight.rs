@@ -22,6 +22,7 @@ use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
 use crate::ins::alignment::{
     AlignmentMode, CoarseAlignment, Magnetometer, MagnetometerError, Obstacle,
 };
+use crate::ins::horizon::Horizon;
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
@@ -37,6 +38,7 @@ use crate::time::{GpsTime, NS_PER_S};
 
 mod clocks;
 mod earned;
+mod horizon;
 mod jump;
 mod loose;
 mod recording;
@@ -107,9 +109,13 @@ const MAX_NIS_RATIO: f64 = 100.0;
 /// Longest time without a sample that the nominal is carried over to an epoch, ns: what the intake
 /// bridges.
 const MAX_LEAD_NS: i64 = 50_000_000;
-/// Epochs in a row that may come after samples that are later than they are, before the filter, which
-/// takes none of them, is given up.
+/// Epochs in a row that may come too late for the filter, before it, which takes none of them, is given up:
+/// so many at least, and for this long, ns.
 const MAX_LATE: u8 = 3;
+/// See [`MAX_LATE`].
+const MAX_LATE_NS: i64 = NS_PER_S;
+/// An epoch that lies farther back than this is not late but of another time, ns.
+const OF_ANOTHER_TIME_NS: i64 = 10 * NS_PER_S;
 /// Longest time for which a lost attitude is still about what it was, ns.
 const MAX_ATTITUDE_AGE_NS: i64 = 10 * NS_PER_S;
 /// A protection level is at least this many sigmas of the position.
@@ -179,6 +185,7 @@ pub struct TightMonitor {
     systems: [Option<usize>; System::ALL.len()],
     offset_is_known: [bool; CLOCKS],
     intake: Intake,
+    horizon: Horizon,
     alignment: CoarseAlignment,
     navigator: Navigator<CLOCKS, JOINT>,
     status: InertialStatus,
@@ -190,8 +197,9 @@ pub struct TightMonitor {
     quantiles: SeparationQuantiles,
     bank_verdict: Option<(GpsTime, BankVerdict)>,
     recording: RecordingBank,
-    /// Epochs in a row that came too late for the filter.
+    /// Epochs in a row that came too late for the filter, and the first of them.
     late: u8,
+    late_since: GpsTime,
     /// Attitude when tight mode ended, and when that was.
     last_attitude: Option<([f64; 4], GpsTime)>,
     /// Counters of the intake at the last epoch.
@@ -222,6 +230,7 @@ impl TightMonitor {
         systems: [None; System::ALL.len()],
         offset_is_known: [false; CLOCKS],
         intake: Intake::EMPTY,
+        horizon: Horizon::EMPTY,
         alignment: CoarseAlignment::EMPTY,
         navigator: Navigator::EMPTY,
         status: InertialStatus::Off,
@@ -234,6 +243,7 @@ impl TightMonitor {
         bank_verdict: None,
         recording: RecordingBank::EMPTY,
         late: 0,
+        late_since: GpsTime::from_ns(0),
         last_attitude: None,
         counted: None,
         last_epoch: None,
@@ -261,6 +271,7 @@ impl TightMonitor {
                 .map_err(TightConfigureError::Stats)?;
         }
         self.intake.configure(inertial);
+        self.horizon.restart();
         self.alignment.configure(inertial);
         self.last_attitude = None;
         self.counted = None;
@@ -316,6 +327,7 @@ impl TightMonitor {
             .map_err(TightConfigureError::Stats)?;
         self.k_fault_free = self.quantiles.fault_free();
         self.reference = Some(*reference);
+        self.expect(None);
         Ok(())
     }
 
@@ -391,6 +403,8 @@ impl TightMonitor {
     pub(crate) fn start(&mut self, state: &InitialState) {
         if let Some(config) = self.config {
             self.untold = None;
+            // What ends before the state is not carried on from it.
+            self.release(state.time);
             self.alignment_mode = AlignmentMode::Given;
             self.start_with(&config, state);
             self.earned = Earned::start(AlignmentMode::Given, &[0.0; 3]);
@@ -446,9 +460,10 @@ impl TightMonitor {
         self.finish(&at)
     }
 
-    /// An epoch was due at `due` and the receiver gave none. The filter goes on without it.
+    /// An epoch was due at `due` and the receiver gave none. The filter goes on without it, to `until`.
     #[inline(never)]
-    pub(crate) fn on_silence(&mut self, due: GpsTime) -> Option<TightSolution> {
+    pub(crate) fn on_silence(&mut self, due: GpsTime, until: GpsTime) -> Option<TightSolution> {
+        self.release(until);
         let at = self.remembered.take().filter(|at| at.time == due)?;
         if !self.is_running() {
             return None;
@@ -460,8 +475,8 @@ impl TightMonitor {
     }
 
     /// Keeps where the antenna was when an epoch was due, for [`TightMonitor::on_silence`]; to be called
-    /// after every sample.
-    pub(crate) fn remember(&mut self, due: GpsTime) {
+    /// after every step.
+    fn remember(&mut self, due: GpsTime) {
         let passed_ns = self.navigator.time().ns().wrapping_sub(due.ns());
         if self.is_running()
             && (0..=MAX_LEAD_NS).contains(&passed_ns)
@@ -473,6 +488,7 @@ impl TightMonitor {
 
     /// Whether the nominal can be taken to an epoch.
     fn meets(&mut self, time: GpsTime) -> Option<()> {
+        self.release(time);
         self.look(time)?;
         if !self.is_running() {
             return None;
@@ -483,12 +499,11 @@ impl TightMonitor {
                 self.status = InertialStatus::Running;
                 Some(())
             }
-            Some(InertialStatus::EpochLate) if self.late < MAX_LATE => {
-                self.late = self.late.saturating_add(1);
-                self.status = InertialStatus::EpochLate;
-                None
-            }
             Some(InertialStatus::EpochLate) => {
+                if self.may_be_late(time) {
+                    self.status = InertialStatus::EpochLate;
+                    return None;
+                }
                 // Without a filter to be late for, the two are of different times.
                 self.missing = Some(InertialStatus::ImuTime);
                 self.lose(InertialStatus::ImuTime);
@@ -501,6 +516,17 @@ impl TightMonitor {
         }
     }
 
+    /// Counts an epoch that came too late; false when they have been too many for too long.
+    fn may_be_late(&mut self, time: GpsTime) -> bool {
+        if self.late == 0 {
+            self.late_since = time;
+        }
+        let since_ns = time.ns().saturating_sub(self.late_since.ns());
+        let is_allowed = self.late < MAX_LATE || (0..MAX_LATE_NS).contains(&since_ns);
+        self.late = self.late.saturating_add(1);
+        is_allowed
+    }
+
     /// Whether there are samples up to an epoch, and why not. `None` without an inertial unit.
     fn look(&mut self, time: GpsTime) -> Option<()> {
         let interval_ns = i64::from(self.config.as_ref()?.interval_ns);
@@ -510,7 +536,7 @@ impl TightMonitor {
         let newest = if self.is_running() {
             Some(self.navigator.time())
         } else {
-            self.intake.last_time()
+            self.horizon.reached()
         };
         let lead_ns = newest.map(|newest| time.ns().saturating_sub(newest.ns()));
         let since_epoch_ns = last_epoch.map(|last| time.ns().saturating_sub(last.ns()));
@@ -519,12 +545,18 @@ impl TightMonitor {
             let used_ns = i64::from(used).saturating_mul(interval_ns);
             used_ns > ns / 2 && lead_ns.is_some_and(|lead_ns| lead_ns > ns / 2)
         });
+        if lead_ns.is_some_and(|lead_ns| (-OF_ANOTHER_TIME_NS..-2 * interval_ns).contains(&lead_ns))
+        {
+            self.horizon.note_too_late();
+        }
         self.missing = match lead_ns {
             Some(lead_ns) if lead_ns < -2 * interval_ns && self.is_running() => {
                 Some(InertialStatus::EpochLate)
             }
             Some(lead_ns) if lead_ns < -2 * interval_ns => Some(InertialStatus::ImuTime),
             Some(lead_ns) if lead_ns <= MAX_LEAD_NS => None,
+            // All samples so far are of later instants, and wait for the next epoch.
+            None if self.horizon.held().next().is_some() => Some(InertialStatus::NoSample),
             // Most samples came, and are too old for the time that passed.
             _ if goes_on => Some(InertialStatus::ImuTime),
             _ => Some(silence(before, now)),
@@ -562,7 +594,12 @@ impl TightMonitor {
 
     /// It is `now` by a clock beside the samples': samples that are too old by it have stopped.
     pub(crate) fn hear_nothing(&mut self, now: GpsTime) {
-        let lead_ns = now.ns().saturating_sub(self.navigator.time().ns());
+        let nominal = self.navigator.time();
+        let newest = self
+            .intake
+            .last_time()
+            .map_or(nominal, |last| last.max(nominal));
+        let lead_ns = now.ns().saturating_sub(newest.ns());
         if self.is_running() && lead_ns > MAX_LEAD_NS {
             self.missing = Some(InertialStatus::ImuSilent);
             self.lose(InertialStatus::ImuSilent);
@@ -573,6 +610,7 @@ impl TightMonitor {
     pub(crate) fn shift(&mut self, by_ns: i64) {
         let shifted = |time: GpsTime| time.plus_ns(by_ns);
         self.intake.shift(by_ns);
+        self.horizon.shift(by_ns);
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
@@ -628,22 +666,18 @@ impl TightMonitor {
                 if self.status == InertialStatus::NoSample {
                     self.status = InertialStatus::Aligning;
                 }
-                if let Some(bridge) = &taken.bridge {
-                    self.step(&bridge.increment, taken.time.plus_ns(-taken.interval_ns));
-                    let gap_s = bridge.increment.dt_s;
-                    if self.is_running() {
-                        self.navigator
-                            .add_uncertainty(UNSEEN_RATE_RADPS * gap_s, UNSEEN_FORCE_MPS2 * gap_s);
-                    }
-                }
-                self.step(&taken.increment, taken.time);
+                self.hold(&taken);
             }
-            Err(fault) => self.lose(match fault {
-                IntakeFault::Silent { .. } => InertialStatus::ImuSilent,
-                IntakeFault::NotFinite { .. } => InertialStatus::ImuNotFinite,
-                IntakeFault::Saturated { .. } => InertialStatus::ImuSaturated,
-                IntakeFault::Time { .. } => InertialStatus::ImuTime,
-            }),
+            Err(fault) => {
+                self.release_all();
+                self.lose(match fault {
+                    IntakeFault::Silent { .. } => InertialStatus::ImuSilent,
+                    IntakeFault::NotFinite { .. } => InertialStatus::ImuNotFinite,
+                    IntakeFault::Saturated { .. } => InertialStatus::ImuSaturated,
+                    IntakeFault::Time { .. } => InertialStatus::ImuTime,
+                });
+                self.horizon.begin_at(self.intake.last_time());
+            }
         }
     }
 

@@ -15,3 +15,4 @@ pub(crate) use interleave::frames;
 pub use interleave::{Pending, interleave};
 pub use samples::{Recorded, read};
 pub use settings::ImuSettings;
+pub use settings::latency_ns;

@@ -8,6 +8,7 @@ pub mod faults;
 pub mod fixes;
 pub mod hybrid;
 pub mod imu;
+pub mod latency;
 pub mod mutate;
 pub mod nmea;
 pub mod output;

@@ -24,7 +24,7 @@ use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
     encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
-    encode_pressure, encode_reference_model, encode_unit_sample,
+    encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit_sample,
 };
 use surefix_core::ins::{
     ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
@@ -68,6 +68,8 @@ pub enum FilterInput {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    Latency(u32),
     /// What is known of a magnetometer.
     Magnetometer(Box<Magnetometer>),
     /// A state to start from.
@@ -430,6 +432,9 @@ fn decode_frames(
             Event::Inertial(unit) => {
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
             }
+            Event::ReceiverLatency(latency_ns) => {
+                items.push(Item::ForFilter(FilterInput::Latency(latency_ns)));
+            }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
@@ -481,6 +486,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
+                | FilterInput::Latency(_)
                 | FilterInput::Magnetometer(_)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
@@ -590,6 +596,7 @@ impl FrameWriter {
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
+                FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),
                 FilterInput::Magnetometer(known) => encode_magnetometer(&known, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
@@ -650,10 +657,14 @@ pub fn stream_with(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
+        if imu.receiver_latency_ns > 0 {
+            writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
+        }
         if let Some(magnetometer) = &imu.magnetometer {
             writer.append(|out| encode_magnetometer(magnetometer, out));
         }
     }
+    let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));
     let mut pending = imu.map(|imu| Pending::new(&imu.samples));
     let raw = fixes::read(gnss, config, fixes)?;
     let format = recognise(&raw, gnss)?;
@@ -665,7 +676,9 @@ pub fn stream_with(
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
-            Some(pending) => imu::interleave(&raw, config, pending, &mut writer.bytes)?,
+            Some(pending) => {
+                imu::interleave(&raw, config, pending, |_| latency_ns, &mut writer.bytes)?;
+            }
             None => writer.bytes.extend_from_slice(&raw),
         }
         let is_padded = info.losses.contains_key("cut_off_frames");
@@ -685,7 +698,7 @@ pub fn stream_with(
         has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
-            pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
+            pending.release_until(epoch.time, latency_ns, flags.week_unknown, &mut |sample| {
                 writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
             });
         }

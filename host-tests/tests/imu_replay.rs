@@ -113,6 +113,7 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .unwrap(),
         magnetometer: None,
         samples,
+        receiver_latency_ns: 0,
         bad_lines: 0,
     }
 }

@@ -6,6 +6,7 @@ use super::corrected::CorrectedAssembler;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
+use super::latency::decode_receiver_latency;
 use super::magnetometer::decode_magnetometer;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
@@ -614,6 +615,9 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::MagneticField(sample))
             }
+            Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
+                decode_receiver_latency(frame.payload())?,
+            )),
             Some(Kind::Magnetometer) => {
                 Outcome::UsedGives(Event::Magnetometer(decode_magnetometer(frame.payload())?))
             }

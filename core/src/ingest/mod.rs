@@ -13,6 +13,7 @@ mod assembler;
 mod convert;
 mod corrected;
 mod inertial;
+mod latency;
 mod magnetometer;
 mod payload;
 mod receiver_fix;
@@ -29,6 +30,7 @@ pub use inertial::{
     decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
     encode_inertial, encode_initial_state, encode_reference_model,
 };
+pub use latency::{decode_receiver_latency, encode_receiver_latency};
 pub use magnetometer::{decode_magnetometer, encode_magnetometer};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
@@ -83,6 +85,8 @@ pub enum Event {
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    ReceiverLatency(u32),
     /// What is known of a magnetometer, checked.
     Magnetometer(Magnetometer),
     /// A state to start from.

@@ -7,6 +7,7 @@
 pub mod aiding;
 pub mod alignment;
 pub mod gravity;
+pub(crate) mod horizon;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
@@ -14,6 +15,7 @@ pub mod unit;
 
 pub use aiding::{MagneticSample, PressureSample};
 pub use alignment::{CoarseAlignment, Magnetometer, NotAligned};
+pub use horizon::{HorizonState, MAX_LATENCY_NS};
 pub use intake::{Bridge, Intake, IntakeCounters, IntakeFault, Taken};
 pub use mechanisation::{Increment, Mechanisation, Step};
 pub use sample::{

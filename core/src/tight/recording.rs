@@ -387,11 +387,13 @@ impl TightMonitor {
     pub(crate) fn on_silence_with_bank(
         &mut self,
         due: GpsTime,
+        until: GpsTime,
         memory: BankMemory<'_>,
         meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<TightSolution> {
         self.recording.opinion = None;
         self.bank_verdict = None;
+        self.release(until);
         let at = self.remembered.take().filter(|at| at.time == due)?;
         if !self.is_running() {
             return None;

@@ -40,7 +40,7 @@ impl TightMonitor {
             self.alignment.restart();
             return;
         }
-        let Some(last) = self.intake.last_time() else {
+        let Some(last) = self.horizon.reached() else {
             return;
         };
         self.status = InertialStatus::Aligning;

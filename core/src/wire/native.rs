@@ -64,6 +64,8 @@ pub enum Kind {
     Pressure = 12,
     /// A sample of a magnetometer, into the monitor.
     MagneticField = 13,
+    /// How late the receiver's epochs arrive, into the monitor.
+    ReceiverLatency = 34,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -99,6 +101,7 @@ impl Kind {
             11 => Self::UnitSample,
             12 => Self::Pressure,
             13 => Self::MagneticField,
+            34 => Self::ReceiverLatency,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,

@@ -12,6 +12,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
@@ -27,6 +28,7 @@ pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod latency;
 pub mod monte_carlo;
 pub mod outcome;
 pub mod recording_faults;
@@ -86,7 +88,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, wide-headings), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, latency, wide-headings), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -133,6 +135,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
+        || bank_campaign::<latency::Latency>(&name, args)?
     {
         return Ok(());
     }
@@ -175,7 +178,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, wide-headings, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, latency, wide-headings, or merge"
             )
         }
     };

@@ -1,8 +1,9 @@
 //! Inertial samples between a receiver's bytes, in the order of their times.
 //!
-//! A sample up to the time of an epoch goes before the frame that completes the epoch, a later one
-//! after it: what a board sees whose receiver answers at once. Which frame completes an epoch, and of
-//! what time, core's own decoder says.
+//! A sample up to the time at which an epoch arrives goes before the frame that completes the epoch, a later
+//! one after it: what a board sees. An epoch arrives at its own time, from a receiver that answers at
+//! once, or by its latency later. Which frame completes an epoch, and of what time, core's own decoder
+//! says.
 
 use std::ops::Range;
 
@@ -39,11 +40,12 @@ impl<'a> Pending<'a> {
         }
     }
 
-    /// Hands over what arrived up to the time of an epoch. With `week_unknown` only its time of week
-    /// counts.
+    /// Hands over what arrived up to `latency_ns` after the time of an epoch. With `week_unknown` only its
+    /// time of week counts.
     pub fn release_until(
         &mut self,
         time: GpsTime,
+        latency_ns: i64,
         week_unknown: bool,
         take: &mut dyn FnMut(&ImuSample),
     ) {
@@ -67,7 +69,7 @@ impl<'a> Pending<'a> {
                 Some(next) if next.time < sample.time && next.time >= latest => next.time,
                 _ => latest.max(sample.time),
             };
-            if arrival > epoch_in_week_of(sample.time) {
+            if arrival > epoch_in_week_of(sample.time).plus_ns(latency_ns) {
                 return;
             }
             self.latest = Some(arrival);
@@ -193,7 +195,8 @@ fn cuts(bytes: &[u8], config: &Config) -> Vec<Cut> {
     cuts
 }
 
-/// Appends a recorded stream to `out`, with the samples in their places.
+/// Appends a recorded stream to `out`, with the samples in their places; `latency_ns` tells how long after
+/// its instant the epoch of a number arrives. Epochs stay in their order: none overtakes another.
 ///
 /// # Errors
 /// When samples and epochs are not of the same time.
@@ -201,13 +204,17 @@ pub fn interleave(
     bytes: &[u8],
     config: &Config,
     mut samples: Pending<'_>,
+    mut latency_ns: impl FnMut(usize) -> i64,
     out: &mut Vec<u8>,
 ) -> Result<()> {
     let mut written = 0;
-    for cut in cuts(bytes, config) {
+    for (number, cut) in cuts(bytes, config).into_iter().enumerate() {
         out.extend_from_slice(bytes.get(written..cut.at).unwrap_or_default());
         written = written.max(cut.at);
-        samples.release_until(cut.time, cut.week_unknown, &mut |sample| put(sample, out));
+        let latency_ns = latency_ns(number);
+        samples.release_until(cut.time, latency_ns, cut.week_unknown, &mut |sample| {
+            put(sample, out);
+        });
     }
     out.extend_from_slice(bytes.get(written..).unwrap_or_default());
     samples.finish(&mut |sample| put(sample, out))
@@ -238,7 +245,7 @@ mod tests {
     }
 
     /// Times released up to each epoch, and after the last.
-    fn released(times_ms: &[i64], epochs_ms: &[i64]) -> Vec<Vec<i64>> {
+    fn released(times_ms: &[i64], epochs_ms: &[i64], latency_ms: i64) -> Vec<Vec<i64>> {
         let samples = samples(times_ms);
         let mut pending = Pending::new(&samples);
         let mut groups = Vec::new();
@@ -246,6 +253,7 @@ mod tests {
             let mut group = Vec::new();
             pending.release_until(
                 GpsTime::from_ns(epoch_ms * 1_000_000),
+                latency_ms * 1_000_000,
                 false,
                 &mut |sample| {
                     group.push(sample.time.ns() / 1_000_000);
@@ -263,14 +271,20 @@ mod tests {
 
     #[test]
     fn a_sample_of_the_epochs_time_comes_before_it() {
-        let groups = released(&[90, 100, 110, 200, 210], &[100, 200]);
+        let groups = released(&[90, 100, 110, 200, 210], &[100, 200], 0);
         assert_eq!(groups, [vec![90, 100], vec![110, 200], vec![210]]);
+    }
+
+    #[test]
+    fn samples_of_later_instants_come_before_an_epoch_that_is_late() {
+        let groups = released(&[90, 100, 110, 200, 210, 220], &[100, 200], 15);
+        assert_eq!(groups, [vec![90, 100, 110], vec![200, 210], vec![220]]);
     }
 
     #[test]
     fn a_wrong_time_holds_nothing_up() {
         // One far ahead by itself, one far back, and time set back for good.
-        let groups = released(&[90, 9000, 100, 110, 5, 120, 60, 70, 80], &[100, 120]);
+        let groups = released(&[90, 9000, 100, 110, 5, 120, 60, 70, 80], &[100, 120], 0);
         assert_eq!(
             groups,
             [vec![90, 9000, 100], vec![110, 5, 120, 60, 70, 80], vec![]]
@@ -281,7 +295,7 @@ mod tests {
     fn recordings_of_different_times_are_refused() {
         let samples = samples(&[10, 20]);
         let mut pending = Pending::new(&samples);
-        pending.release_until(GpsTime::from_ns(5_000_000), false, &mut |_| {});
+        pending.release_until(GpsTime::from_ns(5_000_000), 0, false, &mut |_| {});
         let error = pending.finish(&mut |_| {}).unwrap_err().to_string();
         assert!(
             error.contains("same time") && error.contains("time_scale"),
@@ -295,7 +309,7 @@ mod tests {
         let mut pending = Pending::new(&samples);
         let epoch = GpsTime::from_week_tow_ns(985, 20_000_000);
         let mut count = 0;
-        pending.release_until(epoch, true, &mut |_| count += 1);
+        pending.release_until(epoch, 0, true, &mut |_| count += 1);
         assert_eq!(count, 2);
     }
 }

@@ -30,6 +30,8 @@ pub struct Recorded {
     pub magnetometer: Option<Magnetometer>,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
+    /// How long after its instant an epoch of the receiver beside it arrives, ns.
+    pub receiver_latency_ns: u32,
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -68,12 +70,14 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         unit,
         magnetometer: settings.magnetometer()?,
         samples,
+        receiver_latency_ns: settings.receiver_latency_ns()?,
         bad_lines,
     })
 }
 
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
     let mut unit = settings.map(ImuSettings::inertial_config).transpose()?;
+    let mut latency_ns = settings.map(ImuSettings::receiver_latency_ns).transpose()?;
     let mut ingest = Box::new(Ingest::EMPTY);
     let magnetometer = settings.map(ImuSettings::magnetometer).transpose()?;
     let mut magnetometer = magnetometer.flatten();
@@ -88,6 +92,9 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
             Event::Imu(sample) => samples.push(sample),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
+            }
+            Event::ReceiverLatency(said_ns) => {
+                latency_ns.get_or_insert(said_ns);
             }
             Event::Magnetometer(said) => {
                 magnetometer.get_or_insert(said);
@@ -115,6 +122,7 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         unit,
         magnetometer,
         samples,
+        receiver_latency_ns: latency_ns.unwrap_or(0),
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }

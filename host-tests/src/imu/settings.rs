@@ -12,7 +12,7 @@ use serde::Deserialize;
 use surefix_core::ins::alignment::MagnetometerError;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, InertialConfig, InertialConfigError, InertialNoise, InitialSigma,
-    Magnetometer, MeasurementFactors, SensorRange,
+    MAX_LATENCY_NS, Magnetometer, MeasurementFactors, SensorRange,
 };
 
 use crate::simulate::inertial::sensors::Grade;
@@ -30,6 +30,8 @@ pub struct ImuSettings {
     rate_hz: f64,
     /// Preset of noise and first biases.
     grade: Grade,
+    /// How long after its instant an epoch of the receiver arrives.
+    receiver_latency_s: Option<f64>,
     file: Option<FileSettings>,
     mounting: Option<Mounting>,
     lever_arm: LeverArm,
@@ -225,6 +227,20 @@ struct Sigma {
     clock_drift_mps: Option<f64>,
 }
 
+/// A latency of a receiver, ns.
+///
+/// # Errors
+/// When it is negative, no number, or beyond the filter's history.
+pub fn latency_ns(latency_s: f64) -> Result<u32> {
+    let longest_s = MAX_LATENCY_NS as f64 / 1e9;
+    if !(0.0..=longest_s).contains(&latency_s) {
+        bail!(
+            "a latency of {latency_s} s is not between 0 and {longest_s}: the filter keeps no longer history"
+        );
+    }
+    Ok((latency_s * 1e9).round() as u32)
+}
+
 impl Mounting {
     /// C^b_s, rows.
     fn c_b_s(self) -> [[f64; 3]; 3] {
@@ -268,6 +284,14 @@ impl ImuSettings {
             bail!("[imu] rate_hz = {rate_hz} is not between 50 and 400");
         }
         Ok((1e9 / rate_hz).round() as u32)
+    }
+
+    /// How long after its instant an epoch of the receiver arrives, ns.
+    ///
+    /// # Errors
+    /// When it is negative, no number, or beyond the filter's history.
+    pub fn receiver_latency_ns(&self) -> Result<u32> {
+        latency_ns(self.receiver_latency_s.unwrap_or(0.0)).context("[imu] receiver_latency_s")
     }
 
     /// What the monitor has to know.
@@ -553,6 +577,21 @@ mod tests {
         close(sheet.noise.vrw, 70e-6 * 9.806_65);
         assert_eq!(sheet.noise.gyro_bias_walk, config.noise.gyro_bias_walk);
         close(sheet.sigma.attitude_ned_rad[2], 10_f64.to_radians());
+    }
+
+    /// INT-123.
+    #[test]
+    fn int_123_a_receivers_latency_is_read_and_refused_beyond_the_history() {
+        let latency = |more: &str| settings(more).receiver_latency_ns();
+        assert_eq!(latency("").unwrap(), 0);
+        assert_eq!(latency("receiver_latency_s = 0.12").unwrap(), 120_000_000);
+        for wrong in ["-0.01", "0.401", "nan", "inf"] {
+            let error = latency(&format!("receiver_latency_s = {wrong}")).unwrap_err();
+            assert!(
+                format!("{error:#}").contains("receiver_latency_s"),
+                "{error:#}"
+            );
+        }
     }
 
     #[test]

@@ -4,13 +4,15 @@ use std::fmt::Write as _;
 use std::io;
 
 use surefix_core::inertial_report::InertialReport;
+use surefix_core::ins::HorizonState;
 use surefix_core::report::EpochReport;
 
 use super::{field, t_s};
 
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
-    sigma_heading_deg,obstacle,unit_0,unit_1,unit_2,lead_of_samples_s";
+    sigma_heading_deg,obstacle,unit_0,unit_1,unit_2,lead_of_samples_s,\
+    latency_s,held_samples,epochs_too_late,now_t_s,now_x_m,now_y_m,now_z_m,now_vx_mps,now_vy_mps,now_vz_mps";
 
 /// Writes `inertial.csv`; `inertial` is beside the reports.
 ///
@@ -38,6 +40,20 @@ pub fn write_inertial(
         }
         let lead_ns = inertial.timing.lead_of_samples_ns;
         field(&mut line, lead_ns.map(|ns| ns as f64 / 1e9));
+        let timing = &inertial.timing;
+        field(&mut line, Some(timing.latency_ns as f64 / 1e9));
+        let HorizonState { held, too_late } = timing.horizon;
+        let _ = write!(line, ",{held},{too_late}");
+        let now_s = timing
+            .now
+            .map(|now| t_s + now.time.seconds_since(inertial.time));
+        field(&mut line, now_s);
+        for axis in 0..3 {
+            field(&mut line, timing.now.map(|now| now.r_e_m[axis]));
+        }
+        for axis in 0..3 {
+            field(&mut line, timing.now.map(|now| now.v_e_mps[axis]));
+        }
         writeln!(out, "{line}")?;
     }
     Ok(())

@@ -94,6 +94,15 @@ pub struct Command {
     /// Inertial samples per second: 50 to 400, 100 unless told otherwise.
     #[arg(long, alias = "rate", value_name = "HZ")]
     imu_rate_hz: Option<u32>,
+    /// How long after its instant an epoch of the receiver arrives, s: at most 0.4. It is put into imu.sfx, and
+    /// replay with --imu delays the epochs by it
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    latency: f64,
     /// Galileo too in a flight with an inertial unit, which has GPS and BDS: 26 satellites and more in
     /// place of 20
     #[arg(long)]
@@ -339,6 +348,9 @@ impl Command {
     pub fn run(&self) -> Result<()> {
         let has_unit = self.imu.is_some() || self.imu_rate_hz.is_some();
         if self.args.name.track().is_some() && !has_unit {
+            if self.latency != 0.0 {
+                bail!("--latency is that of a receiver beside an inertial unit: give --imu too");
+            }
             return run(&self.args);
         }
         let scenario = inertial::fly(&self.request()?)?;
@@ -349,7 +361,11 @@ impl Command {
             format: self.args.receiver,
         };
         let receiver = inertial::board::receiver_bytes(&scenario, &radio)?;
-        let imu = inertial::board::imu_bytes(&scenario)?;
+        let latency_ns = crate::imu::latency_ns(self.latency).context("--latency")?;
+        let mut imu = inertial::board::imu_bytes(&scenario)?;
+        if latency_ns > 0 {
+            imu.extend(inertial::board::latency_bytes(latency_ns)?);
+        }
         let folder = inertial::folder::files(&scenario, self.args.receiver);
         let mut files: Vec<(&str, &[u8])> = folder
             .iter()

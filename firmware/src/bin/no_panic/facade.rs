@@ -221,6 +221,8 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call1(Monitor::refused_configurations, &monitor);
     call1(Monitor::store, &monitor);
     call2(Monitor::configure_inertial, &mut monitor, &UNIT);
+    call2(Monitor::configure_receiver_latency, &mut monitor, 0);
+    call1(Monitor::navigation_now, &monitor);
     call2(Monitor::configure_magnetometer, &mut monitor, &MAGNETOMETER);
     call1(Monitor::tight, &monitor);
     call1(Monitor::opinions, &monitor);
@@ -290,6 +292,8 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     call2(ingest::encode_pressure, &pressure, out);
     call2(ingest::encode_magnetic_field, &field, out);
     call1(ingest::decode_unit_sample, bytes);
+    call2(ingest::encode_receiver_latency, 120_000_000, out);
+    call1(ingest::decode_receiver_latency, bytes);
     call1(ingest::decode_pressure, bytes);
     call1(ingest::decode_magnetic_field, bytes);
 
@@ -342,6 +346,8 @@ fn tight() {
     call1(TightMonitor::has_earned, &tight);
     call1(TightMonitor::obstacle, &tight);
     call1(TightMonitor::alignment_mode, &tight);
+    call1(TightMonitor::navigation_now, &tight);
+    call1(TightMonitor::horizon, &tight);
     call1(TightMonitor::sigma_attitude_ned_rad, &tight);
     call1(TightMonitor::intake, &tight);
     call1(TightMonitor::navigator, &tight);

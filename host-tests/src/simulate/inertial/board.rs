@@ -9,7 +9,7 @@ use nalgebra::Matrix3;
 use rand_chacha::ChaCha20Rng;
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::{ObservationEpoch, Satellite, SignalObservation};
-use surefix_core::ingest::{encode_imu, encode_inertial};
+use surefix_core::ingest::{encode_imu, encode_inertial, encode_receiver_latency};
 use surefix_core::ins::{AttitudeStart, InertialConfig, MeasurementFactors, SensorRange};
 use surefix_core::time::{GpsTime, NS_PER_S};
 
@@ -165,6 +165,17 @@ pub fn unit(scenario: &Scenario) -> InertialConfig {
         },
         sigma: scenario.sigma,
     }
+}
+
+/// A native frame that says how late the receiver's epochs arrive.
+///
+/// # Errors
+/// When it does not fit.
+pub fn latency_bytes(latency_ns: u32) -> Result<Vec<u8>> {
+    let mut frame = [0; 32];
+    let length = encode_receiver_latency(latency_ns, &mut frame)
+        .map_err(|error| anyhow!("a native frame did not encode: {error:?}"))?;
+    Ok(frame[..length].to_vec())
 }
 
 /// `imu.sfx`: a native frame that says what the unit is, and one per sample.

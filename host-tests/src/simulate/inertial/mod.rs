@@ -160,6 +160,15 @@ pub fn fly(request: &Request) -> Result<Scenario> {
             "{name} has no inertial unit; take lpv200 for an approach with one, or leave --imu and --imu-rate-hz out"
         );
     };
+    fly_plan(request, plan)
+}
+
+/// Simulates a flight that is in no catalogue; of the one asked for only the name is taken.
+///
+/// # Errors
+/// As [`fly`].
+pub(crate) fn fly_plan(request: &Request, plan: Plan) -> Result<Scenario> {
+    let name = request.flight.name();
     let imu_hz = request.imu_rate_hz;
     if !(50..=400).contains(&imu_hz) || NS_PER_S % i64::from(imu_hz) != 0 {
         bail!(
