@@ -9,7 +9,7 @@
 //! solution serves alone, and [`InertialStatus`] says why. What ends tight mode also begins the next
 //! alignment, so that it comes back by itself. Choices: docs/decisions/005-tight-filter.md.
 
-use heapless::Vec;
+use heapless::{Deque, Vec};
 
 use crate::config::Config;
 use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
@@ -38,6 +38,7 @@ use crate::time::{GpsTime, NS_PER_S};
 
 mod clocks;
 mod earned;
+mod field;
 mod horizon;
 mod jump;
 mod loose;
@@ -217,6 +218,8 @@ pub struct TightMonitor {
     obstacle: Obstacle,
     /// Whether the filter is believed.
     earned: Earned,
+    /// Magnetic samples that wait for increments.
+    fields: Deque<MagneticSample, { field::CAPACITY }>,
     loose: Loose,
 }
 
@@ -253,6 +256,7 @@ impl TightMonitor {
         alignment_mode: AlignmentMode::None,
         obstacle: Obstacle::None,
         earned: Earned::NOTHING,
+        fields: Deque::new(),
         loose: Loose::OFF,
     };
 
@@ -362,13 +366,6 @@ impl TightMonitor {
         magnetometer.check()?;
         self.alignment.set_magnetometer(magnetometer);
         Ok(())
-    }
-
-    /// A sample of the magnetometer.
-    pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
-        if !self.is_running() {
-            self.alignment.on_field(sample);
-        }
     }
 
     /// Why there is no attitude, or why the filter that has one is not believed.
@@ -686,6 +683,7 @@ impl TightMonitor {
             self.navigator.step(increment, time);
         } else {
             self.alignment.accumulate(increment);
+            self.pass_fields(time);
         }
     }
 
