@@ -255,6 +255,16 @@ impl Mounting {
     }
 }
 
+/// C^b_s of a mounting of these angles, degrees, as of section `[imu.mounting]`; rows.
+pub fn mounting_c_b_s([roll_deg, pitch_deg, yaw_deg]: [f64; 3]) -> [[f64; 3]; 3] {
+    Mounting {
+        roll_deg,
+        pitch_deg,
+        yaw_deg,
+    }
+    .c_b_s()
+}
+
 impl ClockPreset {
     /// From the Allan variance coefficients, [BROWN-HWANG]: S_b = c² h0/2, S_d = c² 2π² h−2.
     fn noise(self) -> ClockNoise {
