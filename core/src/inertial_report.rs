@@ -5,7 +5,7 @@
 //! One struct per theme, so that each is filled in one place.
 
 use crate::ins::alignment::{AlignmentMode, Obstacle};
-use crate::ins::{HorizonState, MAX_UNITS};
+use crate::ins::{AidUse, HorizonState, MAX_UNITS};
 use crate::report::ReportError;
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, Reader, Writer};
@@ -207,6 +207,47 @@ impl TimingPart {
     }
 }
 
+/// The aids.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AidsPart {
+    /// That the vehicle stands, in the filters.
+    pub standstill: AidUse,
+    /// The barometer's climb, in the filters.
+    pub climb: AidUse,
+    /// The barometer's height, in the snapshot solution.
+    pub height: AidUse,
+    /// Height of the antenna above the ellipsoid minus pressure altitude, m, once it is known.
+    pub height_bias_m: Option<f64>,
+}
+
+impl AidsPart {
+    const LENGTH: usize = 3 + 1 + 4;
+
+    fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
+        for aid in [self.standstill, self.climb, self.height] {
+            writer.put_u8(aid as u8)?;
+        }
+        writer.put_u8(self.height_bias_m.is_some().into())?;
+        writer.put_f32(self.height_bias_m.unwrap_or(0.0) as f32)
+    }
+
+    fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
+        let mut aid = || {
+            let code = reader.u8()?;
+            AidUse::from_u8(code).ok_or(ReportError::UnknownCode { code })
+        };
+        let (standstill, climb, height) = (aid()?, aid()?, aid()?);
+        let is_there = flag(reader)?;
+        let bias_m = f64::from(reader.f32()?);
+        Ok(Self {
+            standstill,
+            climb,
+            height,
+            height_bias_m: is_there.then_some(bias_m),
+        })
+    }
+}
+
 /// The inertial side at an epoch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InertialReport {
@@ -218,6 +259,8 @@ pub struct InertialReport {
     pub units: [UnitPart; MAX_UNITS],
     /// How late the receiver was.
     pub timing: TimingPart,
+    /// The aids.
+    pub aids: AidsPart,
 }
 
 /// Length of its frame, bytes.
@@ -226,6 +269,7 @@ pub const INERTIAL_REPORT_FRAME_LENGTH: usize = native::HEADER_LEN
     + AlignmentPart::LENGTH
     + MAX_UNITS * UnitPart::LENGTH
     + TimingPart::LENGTH
+    + AidsPart::LENGTH
     + native::TRAILER_LEN;
 
 impl InertialReport {
@@ -241,7 +285,8 @@ impl InertialReport {
             for unit in &self.units {
                 unit.write(writer)?;
             }
-            self.timing.write(writer)
+            self.timing.write(writer)?;
+            self.aids.write(writer)
         })
     }
 
@@ -258,6 +303,7 @@ impl InertialReport {
             *unit = UnitPart::read(&mut reader)?;
         }
         let timing = TimingPart::read(&mut reader)?;
+        let aids = AidsPart::read(&mut reader)?;
         if reader.left() > 0 {
             return Err(ReportError::UnknownCode { code: 0 });
         }
@@ -266,6 +312,7 @@ impl InertialReport {
             alignment,
             units,
             timing,
+            aids,
         })
     }
 }
@@ -313,6 +360,12 @@ mod tests {
                     v_e_mps: [16.0, 0.1, -3.0],
                     q_e_b: [0.5, -0.5, 0.5, -0.5],
                 }),
+            },
+            aids: AidsPart {
+                standstill: AidUse::Used,
+                climb: AidUse::Refused,
+                height: AidUse::Ready,
+                height_bias_m: Some(-17.5),
             },
         }
     }

@@ -22,13 +22,13 @@ use crate::gnss::{
     SatelliteSet, System,
 };
 use crate::inertial_report::{
-    AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart, UnitState,
+    AidsPart, AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart, UnitState,
 };
 use crate::ingest::{Event, Ingest};
 use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS, MagneticSample, Magnetometer,
-    PressureSample, UnitSample,
+    AidsConfig, AidsConfigError, InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS,
+    MagneticSample, Magnetometer, PressureSample, UnitSample,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -153,6 +153,17 @@ impl Monitor {
             .map_err(TightConfigureError::Stats)
     }
 
+    /// Adds the aids: a barometer, standstills. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`AidsConfigError`]; the aids are then those of before.
+    pub fn configure_aids(&mut self, aids: &AidsConfig) -> Result<(), AidsConfigError> {
+        aids.check()?;
+        self.snapshot.height_mut().configure(aids.barometer);
+        self.tight.configure_aids(aids);
+        Ok(())
+    }
+
     /// Says how long after its instant an epoch of the receiver arrives at the least, ns. Without it the
     /// monitor learns it from the epochs that come: it is what a missing epoch is waited for, besides half an
     /// interval. A frame in the stream does the same, until the first epoch.
@@ -198,6 +209,12 @@ impl Monitor {
         }
     }
 
+    /// Bytes given to [`Monitor::push`] from which nothing has followed yet: the frame that is not complete.
+    /// A sample handed in now takes effect before them.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.ingest.bytes_in_hand()
+    }
+
     /// No more bytes will come: gives an epoch that waited for more, then [`Ready::EndOfStream`].
     pub fn finish(&mut self) -> Ready {
         // One unfinished frame can bring a few events before the end; none brings a hundred.
@@ -222,6 +239,12 @@ impl Monitor {
             Event::Inertial(config) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.configure_inertial(&config).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Aids(aids) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_aids(&aids).is_ok();
                 self.note_refusal(is_accepted);
                 None
             }
@@ -282,6 +305,7 @@ impl Monitor {
                 self.alerts.shift(shift_ns);
                 self.readmission.shift();
                 self.tight.shift(shift_ns);
+                self.snapshot.height_mut().shift(shift_ns);
                 None
             }
             Event::EpochReady => {
@@ -314,8 +338,11 @@ impl Monitor {
         self.expect_epoch(sample.sample.time)
     }
 
-    /// Takes a sample of a barometer.
-    pub fn on_pressure(&mut self, _sample: &PressureSample) {}
+    /// Takes a sample of a barometer; without [`Monitor::configure_aids`] nothing comes of it.
+    pub fn on_pressure(&mut self, sample: &PressureSample) {
+        self.snapshot.height_mut().on_pressure(sample);
+        self.tight.on_pressure(sample);
+    }
 
     /// Takes a sample of a magnetometer.
     pub fn on_magnetic_field(&mut self, sample: &MagneticSample) {
@@ -725,7 +752,18 @@ impl Monitor {
                 horizon: self.tight.horizon(),
                 now: self.navigation_now(),
             },
+            aids: self.aids_part(),
         })
+    }
+
+    fn aids_part(&self) -> AidsPart {
+        let [standstill, climb] = self.tight.aids_used();
+        AidsPart {
+            standstill,
+            climb,
+            height: self.snapshot.height_use(),
+            height_bias_m: self.snapshot.height().bias_m(),
+        }
     }
 
     /// Where the antenna is now, which is the end of the newest inertial sample: the filter's nominal carried

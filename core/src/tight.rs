@@ -9,7 +9,7 @@
 //! solution serves alone, and [`InertialStatus`] says why. What ends tight mode also begins the next
 //! alignment, so that it comes back by itself. Choices: docs/decisions/005-tight-filter.md.
 
-use heapless::{Deque, Vec};
+use heapless::Vec;
 
 use crate::config::Config;
 use crate::consts::{MAX_SATELLITES, SPEED_OF_LIGHT_MPS};
@@ -36,9 +36,9 @@ use crate::snapshot::Assessment;
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
+mod aids;
 mod clocks;
 mod earned;
-mod field;
 mod horizon;
 mod jump;
 mod loose;
@@ -47,6 +47,7 @@ mod scenario;
 mod solution;
 mod start;
 
+use aids::Aids;
 use clocks::offset_of;
 use earned::Earned;
 use loose::Loose;
@@ -214,12 +215,11 @@ pub struct TightMonitor {
     remembered: Option<AntennaState<CLOCKS>>,
     /// Where the attitude that the filter started from came from.
     alignment_mode: AlignmentMode,
+    aids: Aids,
     /// Why there is no attitude.
     obstacle: Obstacle,
     /// Whether the filter is believed.
     earned: Earned,
-    /// Magnetic samples that wait for increments.
-    fields: Deque<MagneticSample, { field::CAPACITY }>,
     loose: Loose,
 }
 
@@ -254,9 +254,9 @@ impl TightMonitor {
         untold: None,
         remembered: None,
         alignment_mode: AlignmentMode::None,
+        aids: Aids::EMPTY,
         obstacle: Obstacle::None,
         earned: Earned::NOTHING,
-        fields: Deque::new(),
         loose: Loose::OFF,
     };
 
@@ -368,6 +368,13 @@ impl TightMonitor {
         Ok(())
     }
 
+    /// A sample of the magnetometer.
+    pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
+        if let Some(sample) = self.horizon.put_field(sample) {
+            self.take_field(&sample);
+        }
+    }
+
     /// Why there is no attitude, or why the filter that has one is not believed.
     pub const fn obstacle(&self) -> Obstacle {
         match (self.is_running(), self.earned.is_earned()) {
@@ -414,6 +421,7 @@ impl TightMonitor {
         self.bank.restart();
         self.bank_verdict = None;
         self.recording.start();
+        self.aids.restart();
         self.late = 0;
         self.remembered = None;
         self.loose.start();
@@ -454,6 +462,7 @@ impl TightMonitor {
                 .scale_sigmas(factors.pseudorange, factors.range_rate);
         }
         let _ = self.prepare_clocks(&mut at, tested);
+        self.note_speed(tested);
         self.finish(&at)
     }
 
@@ -611,6 +620,7 @@ impl TightMonitor {
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
+        self.aids.shift(by_ns);
         self.loose.shift(by_ns);
         self.bank_verdict = None;
         self.alignment.restart();
@@ -679,11 +689,11 @@ impl TightMonitor {
     }
 
     fn step(&mut self, increment: &Increment, time: GpsTime) {
+        self.aids.on_increment(increment);
         if self.is_running() {
             self.navigator.step(increment, time);
         } else {
             self.alignment.accumulate(increment);
-            self.pass_fields(time);
         }
     }
 
@@ -709,7 +719,20 @@ impl TightMonitor {
                 }
             }
         }
-        let solution = self.navigator.update().ok().and_then(|summary| {
+        if self.reference.is_none() {
+            self.ask_aids();
+            if self.aids.information().rows() > 0 {
+                self.navigator
+                    .information_mut()
+                    .add(self.aids.information());
+            }
+        }
+        let summary = self.navigator.update_filter();
+        let correction = self.navigator.finish().ok();
+        if let Some(correction) = &correction {
+            self.rereference_aids(correction);
+        }
+        let solution = correction.and_then(|_| {
             let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
             let told = if passed_ns > MAX_LEAD_NS {
                 *at

@@ -115,11 +115,12 @@ pub fn fit(readings: &[Vector3<f64>], strength_ut: f64) -> Result<Calibration> {
     let scale = 1.0 + centre.dot(&(a * centre));
     let shape = (a / scale).symmetric_eigen();
     if !(scale > 0.0 && shape.eigenvalues.min() > 0.0) {
-        bail!("the readings lie on no ellipsoid: the field around must be the same for all of them");
+        bail!(
+            "the readings lie on no ellipsoid: the field around must be the same for all of them"
+        );
     }
     let roots = shape.eigenvalues.map(f64::sqrt);
-    let root =
-        shape.eigenvectors * Matrix3::from_diagonal(&roots) * shape.eigenvectors.transpose();
+    let root = shape.eigenvectors * Matrix3::from_diagonal(&roots) * shape.eigenvectors.transpose();
     let soft_iron = root * (strength_ut / size);
     let hard_iron_ut = mean + centre * size;
     let left: f64 = readings
@@ -138,8 +139,8 @@ pub fn fit(readings: &[Vector3<f64>], strength_ut: f64) -> Result<Calibration> {
 /// # Errors
 /// When it cannot be read or a line is no reading.
 pub fn read(path: &Path) -> Result<Vec<Vector3<f64>>> {
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read {}", path.display()))?;
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let mut readings = Vec::new();
     for (number, line) in text.lines().enumerate() {
         match triple("the reading", line) {

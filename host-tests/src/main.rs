@@ -9,6 +9,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use surefix_core::ins::BarometerModel;
 use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::fixes::{FixOptions, Outage};
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
@@ -16,7 +17,7 @@ use surefix_host_tests::settings::Settings;
 use surefix_host_tests::static_imu::{self, triple};
 use surefix_host_tests::truth::Truth;
 use surefix_host_tests::{
-    araim, campaign, hybrid, mutate, output, real_time, report, scenario, simulate,
+    araim, calibrate, campaign, hybrid, mutate, output, real_time, report, scenario, simulate,
 };
 
 #[derive(Parser)]
@@ -42,6 +43,8 @@ enum Command {
     Hybrid(hybrid::Args),
     /// Samples of an inertial unit at rest beside the fixed antenna of a recording, and its settings
     StaticImu(static_imu::Args),
+    /// Hard and soft iron of a magnetometer, from readings all around
+    CalibrateMagnetometer(calibrate::Args),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     RealTime(real_time::Args),
@@ -63,6 +66,10 @@ struct ReplayArguments {
     /// surefix's own frames
     #[arg(long, value_name = "FILE")]
     imu: Option<PathBuf>,
+    /// Recording of a barometer: CSV with the columns week, tow_s, pressure_pa, temperature_c; makes it an aid,
+    /// as section `[aids.barometer]` of the file of --config does with numbers of its own
+    #[arg(long, value_name = "FILE")]
+    barometer: Option<PathBuf>,
     /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, RTKLIB .pos,
     /// or UBX with NAV-PVT of resolved carrier-phase ambiguities. Without
     /// this, --at and --at-llh the position that the recording states for itself is the truth, if its
@@ -137,6 +144,10 @@ impl ReplayArguments {
         };
         let faults: Result<Vec<FaultSpec>, _> = self.fault.iter().map(|s| s.parse()).collect();
         let settings = self.settings.clone().over_file(self.config.as_ref())?;
+        let mut aids = settings.aids.unwrap_or_default().config()?;
+        if self.barometer.is_some() {
+            aids.barometer.get_or_insert(BarometerModel::PRESET);
+        }
         Ok(ReplayOptions {
             gnss: self.gnss.clone(),
             nav: self.nav.clone(),
@@ -144,6 +155,8 @@ impl ReplayArguments {
             config: settings.config()?,
             imu: self.imu.clone(),
             imu_settings: settings.imu,
+            aids,
+            barometer: self.barometer.clone(),
             faults: faults?,
             fixes: FixOptions {
                 geoid_m: self.geoid,
@@ -312,6 +325,9 @@ fn main() -> ExitCode {
             true => ExitCode::SUCCESS,
             false => ExitCode::from(1),
         }),
+        Command::CalibrateMagnetometer(arguments) => {
+            calibrate::run(arguments).map(|()| ExitCode::SUCCESS)
+        }
         Command::StaticImu(arguments) => static_imu::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Mutate(arguments) => mutate::run(arguments).map(|()| ExitCode::SUCCESS),

@@ -21,14 +21,14 @@ use surefix_core::config::Config;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
 use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
-    Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
+    Event, Ingest, MAX_EPOCH_BYTES, encode_aids, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
     encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
     encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit_sample,
 };
 use surefix_core::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
-    ReferenceModel, UnitSample,
+    AidsConfig, ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer,
+    PressureSample, ReferenceModel, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -64,6 +64,8 @@ pub enum FilterInput {
     Sample(ImuSample),
     /// A sample of the unit of a number.
     UnitSample(u8, UnitSample),
+    /// The aids there are.
+    Aids(AidsConfig),
     /// A sample of a barometer.
     Pressure(PressureSample),
     /// A sample of a magnetometer.
@@ -439,6 +441,7 @@ fn decode_frames(
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
             }
+            Event::Aids(aids) => items.push(Item::ForFilter(FilterInput::Aids(aids))),
             Event::Pressure(sample) => items.push(Item::ForFilter(FilterInput::Pressure(sample))),
             Event::MagneticField(sample) => {
                 items.push(Item::ForFilter(FilterInput::MagneticField(sample)));
@@ -486,6 +489,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
+                | FilterInput::Aids(_)
                 | FilterInput::Latency(_)
                 | FilterInput::Magnetometer(_)
                 | FilterInput::State(_)
@@ -594,6 +598,7 @@ impl FrameWriter {
                 FilterInput::Unit(unit) => encode_inertial(&unit, out),
                 FilterInput::Sample(sample) => encode_imu(&sample, out),
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
+                FilterInput::Aids(aids) => encode_aids(&aids, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
                 FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),

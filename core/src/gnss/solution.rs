@@ -38,6 +38,10 @@ use crate::frames::geodesy;
 use crate::linalg::LinearModel;
 use crate::time::GpsTime;
 
+mod height;
+
+pub use height::HeightRow;
+
 pub use super::measurement::{SATELLITE_REASONS, SatelliteReason};
 
 /// Newton steps from the centre of the Earth: five to seven bring any place on it within a metre;
@@ -146,6 +150,10 @@ pub struct SnapshotWorkspace {
     /// Where `Row::sky` was computed.
     sky_at: Option<[f64; 3]>,
     model: LinearModel,
+    /// A height of the antenna from elsewhere.
+    height: Option<HeightRow>,
+    /// Whether it takes part in the solution.
+    uses_height: bool,
 }
 
 fn length_m(r: Vector3<f64>) -> f64 {
@@ -173,6 +181,8 @@ impl SnapshotWorkspace {
         refused: Vec::new(),
         sky_at: None,
         model: LinearModel::EMPTY,
+        height: None,
+        uses_height: false,
     };
 
     /// Takes in an epoch: chooses signals and ephemerides and computes every satellite once.
@@ -193,6 +203,7 @@ impl SnapshotWorkspace {
         self.sky_at = None;
         self.model.n = 0;
         self.model.m = 0;
+        self.uses_height = false;
         let ionosphere_free = config.ionosphere == IonosphereModel::IonosphereFree;
         for observation in &epoch.satellites {
             self.n_observed = self.n_observed.saturating_add(1);
@@ -486,7 +497,8 @@ impl SnapshotWorkspace {
                 unknowns += 1;
             }
         }
-        if satellites < unknowns || satellites == 0 {
+        self.choose_height(masked, satellites, unknowns);
+        if satellites + u8::from(self.uses_height) < unknowns || satellites == 0 {
             return Err(SnapshotError::TooFewSatellites {
                 satellites,
                 unknowns,
@@ -518,6 +530,7 @@ impl SnapshotWorkspace {
                     1.0 / (sigma_m * sigma_m),
                 );
             }
+            self.add_height(&mut normals, *r_e);
             let estimate = normals.solve().ok_or(SnapshotError::BadGeometry)?;
             for (coordinate, change) in r_e.iter_mut().zip(estimate.position) {
                 *coordinate += change;
@@ -591,6 +604,7 @@ impl SnapshotWorkspace {
             }
         }
         self.write_model(&c_enu_e, &settled.last);
+        self.write_height(llh.height_m);
         let velocity = self.velocity();
         Ok(SnapshotSolution {
             r_e_m: r_e,

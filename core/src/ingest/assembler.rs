@@ -1,6 +1,6 @@
 //! Messages to epochs.
 
-use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
+use super::aiding::{decode_aids, decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
 use super::inertial::{
@@ -615,6 +615,7 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::MagneticField(sample))
             }
+            Some(Kind::Aids) => Outcome::UsedGives(Event::Aids(decode_aids(frame.payload())?)),
             Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
                 decode_receiver_latency(frame.payload())?,
             )),

@@ -22,8 +22,8 @@ mod week;
 use assembler::{Assembler, Outcome};
 
 pub use aiding::{
-    UNIT_SAMPLE_FRAME_LENGTH, decode_magnetic_field, decode_pressure, decode_unit_sample,
-    encode_magnetic_field, encode_pressure, encode_unit_sample,
+    UNIT_SAMPLE_FRAME_LENGTH, decode_aids, decode_magnetic_field, decode_pressure,
+    decode_unit_sample, encode_aids, encode_magnetic_field, encode_pressure, encode_unit_sample,
 };
 pub use inertial::{
     CorrectedGroup, IMU_FRAME_LENGTH, MAX_CORRECTED_EPOCH_BYTES, decode_imu, decode_inertial,
@@ -44,8 +44,8 @@ pub use receiver_fix::{
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch, ReceiverFix};
 use crate::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer, PressureSample,
-    ReferenceModel, UnitSample,
+    AidsConfig, ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer,
+    PressureSample, ReferenceModel, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -81,6 +81,8 @@ pub enum Event {
         /// The sample.
         sample: UnitSample,
     },
+    /// The aids there are, checked.
+    Aids(AidsConfig),
     /// A sample of a barometer.
     Pressure(PressureSample),
     /// A sample of a magnetometer.
@@ -167,6 +169,11 @@ impl Ingest {
     /// What arrived and what was lost.
     pub const fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// Bytes taken from which nothing has followed yet: the frame that is not complete.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.scanner.bytes_in_hand()
     }
 
     /// Tells the week the user gave.

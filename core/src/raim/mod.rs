@@ -10,6 +10,7 @@
 
 pub mod araim;
 pub mod bias;
+pub mod bounded;
 pub mod exclusion;
 pub mod level;
 pub mod ls;

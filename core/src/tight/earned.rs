@@ -145,6 +145,7 @@ impl TightMonitor {
 
     /// Before an epoch: keeps what the nominal predicts for it.
     pub(crate) fn note_prediction(&mut self, time: GpsTime) {
+        self.release(time);
         self.earned.predicted_v_e_mps = (self.is_running() && !self.earned.is_earned)
             .then(|| self.navigator.antenna(time).v_e_mps);
     }

@@ -2,8 +2,8 @@
 //! when the epoch is taken.
 //!
 //! ```text
-//! intake ─► held samples ──up to the horizon──► nominal, alignment
-//!                 └─────── all of them ───────► navigation now
+//! intake, magnetometer ─► held samples ──up to the horizon──► nominal, alignment
+//!                               └─────── all of them ───────► navigation now
 //! ```
 //!
 //! With an epoch that comes in time the filter does what it would have done had it come at once, to the
@@ -11,8 +11,8 @@
 
 use super::{CLOCKS, TightMonitor, UNSEEN_FORCE_MPS2, UNSEEN_RATE_RADPS};
 use crate::ekf::navigator::AntennaState;
-use crate::ins::Taken;
 use crate::ins::horizon::{CAPACITY, Held, HorizonState, Limit};
+use crate::ins::{MagneticSample, Taken};
 use crate::time::GpsTime;
 
 impl TightMonitor {
@@ -54,6 +54,12 @@ impl TightMonitor {
 
     fn carry(&mut self, held: &Held) {
         self.step(&held.increment, held.time);
+        for _ in 0..CAPACITY {
+            let Some(field) = self.horizon.pass_field() else {
+                break;
+            };
+            self.take_field(&field);
+        }
         if !held.is_bridge {
             if let Some(due) = self.horizon.due() {
                 self.remember(due);
@@ -62,6 +68,13 @@ impl TightMonitor {
             let gap_s = held.increment.dt_s;
             self.navigator
                 .add_uncertainty(UNSEEN_RATE_RADPS * gap_s, UNSEEN_FORCE_MPS2 * gap_s);
+        }
+    }
+
+    /// A sample of the magnetometer whose time the samples have come to.
+    pub(super) fn take_field(&mut self, sample: &MagneticSample) {
+        if !self.is_running() {
+            self.alignment.on_field(sample);
         }
     }
 

@@ -64,6 +64,8 @@ pub enum Kind {
     Pressure = 12,
     /// A sample of a magnetometer, into the monitor.
     MagneticField = 13,
+    /// The aids there are, into the monitor.
+    Aids = 15,
     /// How late the receiver's epochs arrive, into the monitor.
     ReceiverLatency = 34,
     /// What the monitor says of an epoch.
@@ -101,6 +103,7 @@ impl Kind {
             11 => Self::UnitSample,
             12 => Self::Pressure,
             13 => Self::MagneticField,
+            15 => Self::Aids,
             34 => Self::ReceiverLatency,
             16 => Self::Report,
             17 => Self::Counters,

@@ -12,6 +12,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
@@ -21,6 +22,7 @@
 //! flight scored epoch by epoch. `outcome.rs` adds up trials and shards, `binomial.rs` says how sure
 //! a count is, `figure.rs` draws.
 
+pub mod aids;
 pub mod alignment;
 pub mod binomial;
 pub mod double_faults;
@@ -88,7 +90,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, latency, wide-headings), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, wide-headings), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -164,6 +166,15 @@ pub fn run(args: &Args) -> Result<()> {
             check_out(&args.out)?;
             return filter_consistency(args);
         }
+        "aids" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("aids has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(aids::TRIALS);
+            return aids::run(data, args.seed, trials, &args.out);
+        }
         "recording-faults" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -178,7 +189,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, latency, wide-headings, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, wide-headings, or merge"
             )
         }
     };

@@ -12,7 +12,8 @@ use super::{field, t_s};
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
     sigma_heading_deg,obstacle,unit_0,unit_1,unit_2,lead_of_samples_s,\
-    latency_s,held_samples,epochs_too_late,now_t_s,now_x_m,now_y_m,now_z_m,now_vx_mps,now_vy_mps,now_vz_mps";
+    latency_s,held_samples,epochs_too_late,now_t_s,now_x_m,now_y_m,now_z_m,now_vx_mps,now_vy_mps,now_vz_mps,\
+    standstill,climb,height,height_bias_m";
 
 /// Writes `inertial.csv`; `inertial` is beside the reports.
 ///
@@ -54,6 +55,11 @@ pub fn write_inertial(
         for axis in 0..3 {
             field(&mut line, timing.now.map(|now| now.v_e_mps[axis]));
         }
+        let aids = &inertial.aids;
+        for aid in [aids.standstill, aids.climb, aids.height] {
+            let _ = write!(line, ",{}", aid.name());
+        }
+        field(&mut line, aids.height_bias_m);
         writeln!(out, "{line}")?;
     }
     Ok(())

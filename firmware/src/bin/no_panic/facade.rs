@@ -56,6 +56,7 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     let mut ingest = Ingest::EMPTY;
     call2(Ingest::configure, &mut ingest, &Config::PRESET);
     call2(Ingest::push, &mut ingest, bytes);
+    call1(Ingest::bytes_in_hand, &ingest);
     call1(Ingest::finish, &mut ingest);
     call1(Ingest::epoch, &ingest);
     call1(Ingest::corrected_epoch, &ingest);
@@ -214,6 +215,7 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     let mut monitor = Monitor::EMPTY;
     call2(Monitor::configure, &mut monitor, &Config::PRESET);
     call2(Monitor::push, &mut monitor, bytes);
+    call1(Monitor::bytes_in_hand, &monitor);
     call1(Monitor::finish, &mut monitor);
     call2(Monitor::tick, &mut monitor, GpsTime::from_ns(0));
     call1(Monitor::counters, &monitor);
