@@ -661,6 +661,18 @@ impl TightMonitor {
         self.earned = Earned::NOTHING;
     }
 
+    /// The units differ and nobody knows who is right: what rests on them ends.
+    pub(crate) fn distrust(&mut self) {
+        if self.config.is_some() {
+            self.lose(InertialStatus::ImuDisagree);
+        }
+    }
+
+    /// What is known of the unit.
+    pub(crate) const fn config(&self) -> Option<&InertialConfig> {
+        self.config.as_ref()
+    }
+
     /// A sample of the inertial unit.
     #[inline(never)]
     pub fn on_sample(&mut self, sample: &ImuSample) {

@@ -16,6 +16,7 @@ pub mod sample;
 pub mod sample_clock;
 pub mod stationarity;
 pub mod unit;
+pub mod voting;
 
 pub use aiding::{MagneticSample, PressureSample};
 pub use aids::{AidUse, AidsConfig, AidsConfigError, BarometerModel, ZeroVelocityModel};
@@ -31,3 +32,6 @@ pub use sample::{
 pub use sample_clock::{NoTime, SampleClock, SampleClockCounters, SampleClockState};
 pub use stationarity::{Scatter, Stationarity};
 pub use unit::{MAX_UNITS, UnitSample};
+pub use voting::{
+    UnitConfig, UnitFault, UnitState, UnitTolerance, Voting, VotingConfigureError, VotingMode,
+};

@@ -15,6 +15,7 @@
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
+//! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -41,6 +42,7 @@ pub mod sky;
 pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
+pub mod voting;
 pub mod wide_headings;
 
 use std::path::{Path, PathBuf};
@@ -90,7 +92,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, wide-headings), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -138,6 +140,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
         || bank_campaign::<latency::Latency>(&name, args)?
+        || bank_campaign::<voting::VotingCampaign>(&name, args)?
     {
         return Ok(());
     }
@@ -189,7 +192,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, wide-headings, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, or merge"
             )
         }
     };

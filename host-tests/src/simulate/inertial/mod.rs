@@ -21,6 +21,8 @@ pub mod motion;
 pub mod profile;
 pub mod sensors;
 pub mod trajectory;
+pub mod unit_faults;
+pub mod units;
 
 use anyhow::{Result, bail};
 use nalgebra::Vector3;
@@ -274,7 +276,7 @@ fn build(request: &Request, plan: Plan, duration_s: u32) -> Result<Scenario> {
 }
 
 /// How far a filter's start may be off.
-fn initial_sigma(grade: Grade) -> InitialSigma {
+pub(crate) fn initial_sigma(grade: Grade) -> InitialSigma {
     let noise = grade.noise();
     InitialSigma {
         position_m: 10.0,
@@ -288,7 +290,7 @@ fn initial_sigma(grade: Grade) -> InitialSigma {
 }
 
 /// The truth with a draw of the initial sigmas on it; biases are taken for zero.
-fn initial_state(
+pub(crate) fn initial_state(
     start: GpsTime,
     truth: &TruthRow,
     sigma: &InitialSigma,
