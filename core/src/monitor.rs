@@ -17,7 +17,10 @@ use crate::budget::{CycleCounter, Ledger, Meter, Stage};
 use crate::config::Config;
 use crate::frames::geodesy;
 use crate::gnss::solution::SATELLITE_REASONS;
-use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, SatelliteSet};
+use crate::gnss::{
+    BroadcastIonosphere, EphemerisStore, FixSolution, FixVelocity, ObservationEpoch, ReceiverFix,
+    SatelliteSet, System,
+};
 use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState};
 use crate::ingest::{Event, Ingest};
 use crate::ins::{
@@ -47,12 +50,14 @@ pub enum Ready {
 }
 
 /// What [`Ready::Epoch`] announced.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Pending {
     /// Observations of the receiver.
     Observations,
     /// Corrected measurements of a scenario folder.
     Corrected,
+    /// The receiver's own solution, of a receiver without observations.
+    Fix(ReceiverFix),
     /// Nothing: an epoch was due and the receiver is silent.
     Silence { time: GpsTime },
 }
@@ -234,6 +239,11 @@ impl Monitor {
                 self.rhythm.epoch(self.ingest.epoch().time);
                 Some(Ready::Epoch)
             }
+            Event::ReceiverFix(fix) => {
+                self.pending = Pending::Fix(fix);
+                self.rhythm.epoch(fix.time);
+                Some(Ready::Epoch)
+            }
             Event::CorrectedEpochReady => {
                 self.pending = Pending::Corrected;
                 Some(Ready::Epoch)
@@ -305,6 +315,7 @@ impl Monitor {
         let mut report = match self.pending {
             Pending::Observations => self.process_observations(counter, memory),
             Pending::Corrected => self.process_corrected(counter, memory),
+            Pending::Fix(fix) => self.process_fix(&fix, counter),
             Pending::Silence { time } => self.process_silence(time, counter, memory),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
@@ -341,6 +352,7 @@ impl Monitor {
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
         let epoch_begin = counter.now();
+        self.tight.end_loose();
         let epoch = self.ingest.epoch();
         let with_bank = memory.is_some();
         let of_bank = if with_bank {
@@ -450,6 +462,40 @@ impl Monitor {
         report
     }
 
+    /// A position that nothing here can test: `unavailable` at every epoch, whatever the receiver says of it.
+    fn process_fix(&mut self, fix: &ReceiverFix, counter: &mut impl CycleCounter) -> EpochReport {
+        let begin = counter.now();
+        let Some(config) = self.snapshot.config() else {
+            return empty_report(fix.time, Reason::NotConfigured);
+        };
+        let requirements = config.phase.requirements();
+        let mut report = empty_report(fix.time, Reason::NoRawData);
+        report.verdict.hal_m = requirements.hal_m;
+        report.verdict.val_m = requirements.val_m;
+        report.n_observed = fix.satellites;
+        if let Some(solution) = &fix.solution {
+            take_over(&mut report, solution);
+        }
+        match self.tight.on_fix(fix) {
+            Some(solution) => self.serve_loose(&mut report, &solution),
+            None => self.tight.align_with_fix(fix),
+        }
+        report.flags.fix_refused = self.tight.fix_is_refused();
+        report.inertial = self.tight.tell();
+        self.ledger
+            .charge(Stage::Filter, counter.now().wrapping_sub(begin));
+        report
+    }
+
+    /// The loosely coupled filter's solution takes the place of the receiver's.
+    fn serve_loose(&self, report: &mut EpochReport, solution: &TightSolution) {
+        serve(report, solution);
+        report.mode = Mode::Loose;
+        let own_enu_m = solution.navigation.sigma_position_enu_m;
+        report.sigma_enu_m = Some(self.tight.loose_sigma_enu_m(own_enu_m));
+        untested(&mut report.verdict);
+    }
+
     fn process_silence(
         &mut self,
         time: GpsTime,
@@ -464,12 +510,15 @@ impl Monitor {
             report.verdict.val_m = requirements.val_m;
         }
         let mut meter = Meter::new(counter, begin);
+        let is_loose = self.tight.is_loose();
         let tight = match memory {
-            Some(memory) => self.tight.on_silence_with_bank(time, memory, &mut meter),
-            None => self.tight.on_silence(time),
+            Some(memory) if !is_loose => self.tight.on_silence_with_bank(time, memory, &mut meter),
+            _ => self.tight.on_silence(time),
         };
-        if let Some(tight) = tight {
-            serve(&mut report, &tight);
+        match tight {
+            Some(solution) if is_loose => self.serve_loose(&mut report, &solution),
+            Some(tight) => serve(&mut report, &tight),
+            None => {}
         }
         report.inertial = self.tight.tell();
         let work = meter.now().wrapping_sub(begin);
@@ -634,6 +683,39 @@ fn serve(report: &mut EpochReport, tight: &TightSolution) {
     report.navigation = Some(tight.navigation);
 }
 
+/// The receiver's own solution, with one sigma by its own accuracy.
+fn take_over(report: &mut EpochReport, solution: &FixSolution) {
+    let FixSolution {
+        llh,
+        horizontal_accuracy_m,
+        vertical_accuracy_m,
+        velocity,
+        ..
+    } = solution;
+    let enu = |velocity: &FixVelocity| {
+        let [north, east, down] = velocity.ned_mps;
+        [east, north, -down]
+    };
+    let axis_m = horizontal_accuracy_m * core::f64::consts::FRAC_1_SQRT_2;
+    report.mode = Mode::Loose;
+    report.fix = Some(Fix {
+        r_e_m: geodesy::to_ecef(llh).into(),
+        lat_deg: llh.lat_rad.to_degrees(),
+        lon_deg: llh.lon_rad.to_degrees(),
+        h_m: llh.height_m,
+        velocity_enu_mps: velocity.as_ref().map(enu),
+        clock_m: [None; System::ALL.len()],
+    });
+    report.sigma_enu_m = Some([axis_m, axis_m, *vertical_accuracy_m]);
+    untested(&mut report.verdict);
+}
+
+/// There is a position, and nothing to bound it by.
+const fn untested(verdict: &mut Verdict) {
+    verdict.hpl = ProtectionLevel::Unavailable(NoBound::NoRawData);
+    verdict.vpl = ProtectionLevel::Unavailable(NoBound::NoRawData);
+}
+
 /// An epoch without observations.
 fn empty_report(time: GpsTime, reason: Reason) -> EpochReport {
     EpochReport {
@@ -697,6 +779,7 @@ fn report_of(epoch: &ObservationEpoch, assessment: &Assessment) -> EpochReport {
                 .solution
                 .is_some_and(|solution| solution.no_broadcast_ionosphere),
             clock_reset: epoch.flags.clock_reset,
+            fix_refused: false,
         },
         residual_rms_m: assessment.residual_rms_m,
         sigma_enu_m: assessment.sigma_enu_m,

@@ -68,16 +68,19 @@ pub struct ReportFlags {
     pub no_broadcast_ionosphere: bool,
     /// The receiver reset its clock.
     pub clock_reset: bool,
+    /// The receiver's own solution lay too far from the loosely coupled filter to be taken.
+    pub fix_refused: bool,
 }
 
 impl ReportFlags {
     /// Names in files, in the order of the bits.
-    pub const NAMES: [&'static str; 5] = [
+    pub const NAMES: [&'static str; 6] = [
         "incomplete",
         "overflow",
         "week_unknown",
         "no_broadcast_ionosphere",
         "clock_reset",
+        "fix_refused",
     ];
 
     /// One bit each, in the order of [`ReportFlags::NAMES`].
@@ -87,6 +90,7 @@ impl ReportFlags {
             | (self.week_unknown as u8) << 2
             | (self.no_broadcast_ionosphere as u8) << 3
             | (self.clock_reset as u8) << 4
+            | (self.fix_refused as u8) << 5
     }
 
     /// Inverse of [`ReportFlags::bits`].
@@ -97,6 +101,7 @@ impl ReportFlags {
             week_unknown: bits & 4 != 0,
             no_broadcast_ionosphere: bits & 8 != 0,
             clock_reset: bits & 16 != 0,
+            fix_refused: bits & 32 != 0,
         }
     }
 }
@@ -116,7 +121,7 @@ pub struct EpochReport {
     pub verdict: Verdict,
     /// Satellites in the position.
     pub used: SatelliteSet,
-    /// Satellites observed.
+    /// Satellites observed; of a receiver's own solution those it used.
     pub n_observed: u8,
     /// Satellites observed and not used, by reason, in the order of `SatelliteReason`.
     pub unused: [u8; SATELLITE_REASONS],
@@ -125,7 +130,7 @@ pub struct EpochReport {
     /// Root mean square of the pseudorange residuals of the one-epoch solution, m.
     pub residual_rms_m: Option<f64>,
     /// One sigma of the position without a fault, east, north, up, m: of the one-epoch solution where it
-    /// passed its test, of the filter by its own covariance.
+    /// passed its test, of the filter by its own covariance, of a receiver's own solution by its accuracy.
     pub sigma_enu_m: Option<[f64; 3]>,
     /// The satellite that most likely failed, where one did and it is observed.
     pub suspect: Option<Suspect>,

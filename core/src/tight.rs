@@ -35,12 +35,14 @@ use crate::time::{GpsTime, NS_PER_S};
 
 mod clocks;
 mod jump;
+mod loose;
 mod recording;
 mod scenario;
 mod solution;
 mod start;
 
 use clocks::offset_of;
+use loose::Loose;
 use recording::RecordingBank;
 
 /// Clock states of the monitor: bias, drift, and an offset for each further constellation.
@@ -201,6 +203,7 @@ pub struct TightMonitor {
     remembered: Option<AntennaState<CLOCKS>>,
     /// Where the attitude that the filter started from came from.
     alignment_mode: AlignmentMode,
+    loose: Loose,
 }
 
 impl TightMonitor {
@@ -232,6 +235,7 @@ impl TightMonitor {
         untold: None,
         remembered: None,
         alignment_mode: AlignmentMode::None,
+        loose: Loose::OFF,
     };
 
     /// An inertial unit is there, in a phase of flight with these requirements.
@@ -359,6 +363,7 @@ impl TightMonitor {
         self.recording.start();
         self.late = 0;
         self.remembered = None;
+        self.loose.start();
         if self.navigator.start(config, state).is_ok() {
             self.status = InertialStatus::Running;
         }
@@ -529,6 +534,7 @@ impl TightMonitor {
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
+        self.loose.shift(by_ns);
         self.bank_verdict = None;
         self.alignment.restart();
         self.last_epoch = self.last_epoch.map(shifted);

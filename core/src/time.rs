@@ -218,6 +218,25 @@ fn civil(days: i64) -> (i64, u8, u8) {
     (year, month as u8, day as u8)
 }
 
+/// The start of a day of the Gregorian calendar, leap seconds apart: to know a week by, not a second.
+/// [HINNANT-2014] The inverse of what [`utc`] does.
+///
+/// `None` for a month or day there is not, or a year outside 1980 to 2136, which GPS weeks of 13 bits reach.
+pub fn start_of_day(year: u16, month: u8, day: u8) -> Option<GpsTime> {
+    if !((1980..=2136).contains(&year) && (1..=12).contains(&month) && (1..=31).contains(&day)) {
+        return None;
+    }
+    let from_march = (i64::from(month) + 9) % 12;
+    let march_year = i64::from(year) - (from_march >= 10) as i64;
+    let (era, of_era) = (march_year.div_euclid(400), march_year.rem_euclid(400));
+    let of_year = (153 * from_march + 2) / 5 + i64::from(day) - 1;
+    let days =
+        era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - MARCH_0000_TO_GPS_DAYS;
+    // A day that the month does not have comes out as one of the next.
+    (civil(days) == (i64::from(year), month, day))
+        .then_some(GpsTime::from_week_tow_s(0, days * 86_400))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -268,6 +287,28 @@ mod tests {
         assert_eq!(leap_seconds(step), 18);
         assert_eq!(leap_seconds(step.plus_ns(-1)), 17);
         assert_eq!(leap_seconds(GpsTime::from_ns(0)), 0);
+    }
+
+    #[test]
+    fn days_start_where_the_calendar_has_them() {
+        for day in 0..=57_000 {
+            let time = GpsTime::from_ns(day * 86_400 * NS_PER_S);
+            let (year, month, day) = civil(day);
+            let found = start_of_day(year.try_into().unwrap(), month, day);
+            assert_eq!(found, Some(time));
+        }
+        for (year, month, day) in [
+            (2025, 2, 29),
+            (2025, 4, 31),
+            (2025, 0, 1),
+            (2025, 13, 1),
+            (2025, 1, 0),
+            (1979, 12, 31),
+            (0, 0, 0),
+            (u16::MAX, 12, 31),
+        ] {
+            assert_eq!(start_of_day(year, month, day), None, "{year}-{month}-{day}");
+        }
     }
 
     fn text(time: GpsTime) -> std::string::String {

@@ -5,6 +5,7 @@ pub mod broadcast_encode;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
+pub mod fixes;
 pub mod hybrid;
 pub mod imu;
 pub mod mutate;

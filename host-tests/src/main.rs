@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use surefix_host_tests::faults::FaultSpec;
+use surefix_host_tests::fixes::{FixOptions, Outage};
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
 use surefix_host_tests::static_imu::{self, triple};
@@ -51,8 +52,8 @@ enum Command {
 
 #[derive(clap::Args)]
 struct ReplayArguments {
-    /// u-blox UBX (RXM-RAWX, RXM-SFRBX), RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; recognised
-    /// by content
+    /// u-blox UBX (RXM-RAWX, RXM-SFRBX), RTCM 3, or RINEX 3 or 4 observations, also .gz and .crx; of a receiver
+    /// without observations UBX with NAV-PVT, or an RTKLIB .pos; recognised by content
     #[arg(long, value_name = "FILE")]
     gnss: PathBuf,
     /// RINEX 3 or 4 navigation file; may be given several times
@@ -86,6 +87,13 @@ struct ReplayArguments {
     /// walk, osc; may be given several times
     #[arg(long, value_name = "SPEC", allow_hyphen_values = true)]
     fault: Vec<String>,
+    /// Withholds a receiver's own solutions from T0 to T1, seconds from the first epoch; may be given several
+    /// times
+    #[arg(long, value_name = "T0:T1")]
+    outage: Vec<Outage>,
+    /// Height of the geoid, m, to add to the heights of an RTKLIB .pos file given as --gnss
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    geoid: Option<f64>,
     /// Seed of random faults
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -137,6 +145,10 @@ impl ReplayArguments {
             imu: self.imu.clone(),
             imu_settings: settings.imu,
             faults: faults?,
+            fixes: FixOptions {
+                geoid_m: self.geoid,
+                outages: self.outage.clone(),
+            },
             seed: self.seed,
             machine: self.on,
         })

@@ -28,6 +28,7 @@ use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
 use crate::faults::FaultSpec;
+use crate::fixes::FixOptions;
 use crate::imu::{self, ImuSettings};
 use crate::nmea::{self, Sentence};
 use crate::output::{self, Summary};
@@ -290,6 +291,8 @@ pub struct ReplayOptions {
     pub imu_settings: Option<ImuSettings>,
     /// Faults to put on it.
     pub faults: Vec<FaultSpec>,
+    /// What to change of the receiver's own solutions.
+    pub fixes: FixOptions,
     /// Seed of the random faults.
     pub seed: u64,
     /// Where to run.
@@ -307,6 +310,7 @@ impl ReplayOptions {
             imu: None,
             imu_settings: None,
             faults: Vec::new(),
+            fixes: FixOptions::default(),
             seed: 1,
             machine: Machine::Host,
         }
@@ -421,13 +425,14 @@ pub fn run(
         .as_ref()
         .map(|path| imu::read(path, options.imu_settings.as_ref()))
         .transpose()?;
-    let stream = source::stream(
+    let stream = source::stream_with(
         &options.gnss,
         &options.nav,
         &options.config,
         &options.faults,
         options.seed,
         imu.as_ref(),
+        &options.fixes,
     )?;
     let mut info = stream.info;
     if let Some(imu) = &imu {

@@ -6,6 +6,7 @@
 //! | RTCM 3 with faults or navigation files | decoded by core's own `Ingest`, sent again as native frames |
 //! | RINEX observations | native frames: exact numbers, one group of frames per epoch |
 //! | native frames | the bytes as they are |
+//! | RTKLIB positions | native frames of fixes |
 //! | any of these with a recorded inertial unit | the same, with its samples between, in the order of their times |
 //!
 //! An ephemeris of a navigation file goes before the first epoch that is not earlier than its
@@ -35,6 +36,7 @@ use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::{native, scanner, ubx};
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
+use crate::fixes::{self, FixOptions};
 use crate::imu::{self, Pending, Recorded};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
@@ -83,6 +85,8 @@ pub struct RecordingInfo {
     pub station: Option<([f64; 3], String)>,
     /// Epochs.
     pub epochs: u64,
+    /// Epochs of these that are the receiver's own solutions.
+    pub fixes: u64,
     /// Samples of a unit that were put between.
     pub imu_samples: u64,
     /// Losses that cost epochs or parts of them, by cause.
@@ -274,7 +278,17 @@ pub fn decode(
     config: &Config,
     take: &mut dyn FnMut(Item),
 ) -> Result<RecordingInfo> {
-    let bytes = rinex::read_unzipped(gnss)?;
+    let bytes = fixes::read(gnss, config, &FixOptions::default())?;
+    decode_bytes(bytes, gnss, nav, config, take)
+}
+
+fn decode_bytes(
+    bytes: Vec<u8>,
+    gnss: &Path,
+    nav: &[PathBuf],
+    config: &Config,
+    take: &mut dyn FnMut(Item),
+) -> Result<RecordingInfo> {
     let format = recognise(&bytes, gnss)?;
     let mut info = RecordingInfo::default();
     let mut navigation = Navigation::read(nav, &mut info)?;
@@ -408,6 +422,8 @@ fn decode_frames(
                     );
                 }
             }
+            // Counted; no one but a monitor takes it.
+            Event::ReceiverFix(_) => {}
             Event::EpochReady => items.push(Item::Epoch(Box::new(ingest.epoch().clone()))),
             Event::Inertial(unit) => {
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
@@ -433,7 +449,8 @@ fn decode_frames(
         }
     }
     let counters = *ingest.counters();
-    info.epochs = u64::from(counters.epochs);
+    info.fixes = u64::from(counters.fixes_used);
+    info.epochs = u64::from(counters.epochs) + info.fixes;
     info.losses.extend(losses(&counters));
     for item in items {
         if let Item::Epoch(epoch) = &item {
@@ -476,7 +493,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
 
 /// Counters of what was used or is of no concern to surefix; every other one that is not zero
 /// means that input was lost.
-const NO_LOSS: [&str; 24] = [
+const NO_LOSS: [&str; 28] = [
     "rtcm_frames",
     "native_frames",
     "ubx_frames",
@@ -500,6 +517,10 @@ const NO_LOSS: [&str; 24] = [
     "unknown_signals",
     "invalid_pseudoranges",
     "signals_lost",
+    "fixes_used",
+    "fixes_held_back",
+    "fixes_beside_observations",
+    "fixes_without_date",
     "epochs",
 ];
 
@@ -603,17 +624,33 @@ pub fn stream(
     seed: u64,
     imu: Option<&Recorded>,
 ) -> Result<Stream> {
+    stream_with(gnss, nav, config, faults, seed, imu, &FixOptions::default())
+}
+
+/// The same of a recording whose fixes are changed on the way.
+///
+/// # Errors
+/// As [`stream`], and where there are no fixes to change.
+pub fn stream_with(
+    gnss: &Path,
+    nav: &[PathBuf],
+    config: &Config,
+    faults: &[FaultSpec],
+    seed: u64,
+    imu: Option<&Recorded>,
+    fixes: &FixOptions,
+) -> Result<Stream> {
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
     }
     let mut pending = imu.map(|imu| Pending::new(&imu.samples));
-    let raw = rinex::read_unzipped(gnss)?;
+    let raw = fixes::read(gnss, config, fixes)?;
     let format = recognise(&raw, gnss)?;
     if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
         // As recorded; decoded beside that for the station's position and the number of epochs.
         let mut has_samples = false;
-        let info = decode(gnss, nav, config, &mut |item| {
+        let info = decode_bytes(raw.clone(), gnss, nav, config, &mut |item| {
             has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
         })?;
         match pending {
@@ -634,7 +671,7 @@ pub fn stream(
         });
     }
     let mut has_samples = false;
-    let info = decode(gnss, nav, config, &mut |item| {
+    let info = decode_bytes(raw, gnss, nav, config, &mut |item| {
         has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
@@ -644,6 +681,12 @@ pub fn stream(
         }
         writer.write(item);
     })?;
+    if info.fixes > 0 {
+        bail!(
+            "{} holds the receiver's own solutions and no observations: leave out --nav and --fault",
+            gnss.display()
+        );
+    }
     if let Some(pending) = pending {
         if has_samples {
             return Err(two_units(gnss));

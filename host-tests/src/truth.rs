@@ -228,7 +228,7 @@ pub(crate) fn rtklib_rows(text: &str) -> Result<Vec<TrackRow>> {
     Ok(rows)
 }
 
-fn rtklib_time(day: &str, second: &str) -> Option<GpsTime> {
+pub(crate) fn rtklib_time(day: &str, second: &str) -> Option<GpsTime> {
     let Some((year, rest)) = day.split_once('/') else {
         let week = day.parse().ok()?;
         return Some(GpsTime::from_week_tow_ns(

@@ -9,8 +9,9 @@ use std::process::Command;
 use surefix_core::config::{Config, IonosphereModel};
 use surefix_core::gnss::System;
 use surefix_core::gnss::satellite::SystemSet;
-use surefix_core::integrity::{Integrity, Mode, Phase};
+use surefix_core::integrity::{Integrity, Mode, Phase, Reason};
 use surefix_core::report::EpochReport;
+use surefix_core::wire::ubx;
 use surefix_host_tests::hybrid;
 use surefix_host_tests::output::epochs_csv;
 use surefix_host_tests::qemu::image;
@@ -39,7 +40,12 @@ fn on_both(mut options: ReplayOptions) -> Option<ReplayResult> {
     assert!(here.sentences == there.sentences, "sentences.nmea");
     assert_eq!(here.sentences.lines().count(), 4 * here.reports.len());
     assert_eq!(here.counters, there.counters);
-    assert!(here.satellites.iter().any(Option::is_some));
+    // A receiver's own solution names no satellite.
+    let has_observations = here.counters.fixes_used == 0;
+    assert_eq!(
+        here.satellites.iter().any(Option::is_some),
+        has_observations
+    );
     for (k, (a, b)) in here.satellites.iter().zip(&there.satellites).enumerate() {
         assert_eq!(a, b, "epoch {k}");
     }
@@ -238,6 +244,72 @@ fn a_drive_that_loses_its_satellites() {
     options.config.ionosphere = IonosphereModel::None;
     if let Some(result) = on_both(options) {
         assert!(tight_epochs(&result) > 60);
+    }
+}
+
+/// INT-007. A receiver's own solutions at 4 Hz, with the drive's recorded unit, and two outages.
+#[test]
+fn a_drive_that_is_loosely_coupled() {
+    let folder = "data/drive0708-adis16465-rtk";
+    let Some(track) = common::shared(&format!("{folder}/gnss_1934_sf.pos")) else {
+        return;
+    };
+    // The first two minutes and a half: the text's head, and so many lines.
+    let text = std::fs::read_to_string(track).unwrap();
+    let head: Vec<&str> = text.lines().take(600).collect();
+    let short = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_drive.pos");
+    std::fs::write(&short, head.join("\n")).unwrap();
+    let settings = Settings::read(&example("car-adis16465.toml")).unwrap();
+    let mut options = ReplayOptions::new(short);
+    options.imu = common::shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"));
+    options.config = settings.config().unwrap();
+    options.imu_settings = settings.imu;
+    options.fixes.outages = vec!["60:70".parse().unwrap(), "110:120".parse().unwrap()];
+    let Some(result) = on_both(options) else {
+        return;
+    };
+    let coasting = |report: &&EpochReport| {
+        report.mode == Mode::Loose && report.verdict.reason == Reason::ReceiverSilent
+    };
+    assert!(result.reports.iter().filter(coasting).count() >= 80);
+    assert!(result.counters.fixes_used > 450);
+}
+
+/// INT-007. NAV-PVT of a receiver whose observations are taken out, with the walk's unit.
+#[test]
+fn a_walk_by_nav_pvt_alone() {
+    let folder = "data/walk0827-x20p-imu";
+    let Some(gnss) = common::shared(&format!("{folder}/gnss_1730.ubx")) else {
+        return;
+    };
+    let bytes = std::fs::read(gnss).unwrap();
+    let mut kept = Vec::new();
+    for (start, _) in bytes
+        .windows(2)
+        .enumerate()
+        .filter(|(_, pair)| *pair == ubx::PREAMBLE)
+    {
+        if let Ok((frame, length)) = ubx::Frame::parse(&bytes[start..])
+            && frame.message == ubx::NAV_PVT
+        {
+            kept.extend_from_slice(&bytes[start..start + length]);
+        }
+    }
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_nav_pvt.ubx");
+    std::fs::write(&path, kept).unwrap();
+    let settings = Settings::read(&example("walk-adis16465.toml")).unwrap();
+    let mut options = ReplayOptions::new(path);
+    options.imu = common::shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"));
+    options.config = settings.config().unwrap();
+    options.imu_settings = settings.imu;
+    if let Some(result) = on_both(options) {
+        assert_eq!(result.counters.fixes_used, 516);
+        assert!(
+            result
+                .reports
+                .iter()
+                .all(|report| report.mode == Mode::Loose)
+        );
     }
 }
 

@@ -6,14 +6,16 @@ mod common;
 use std::collections::BTreeMap;
 
 use surefix_core::gnss::{ObservationEpoch, SignalObservation};
-use surefix_core::ingest::{Event, Ingest};
+use surefix_core::ingest::{Event, Ingest, receiver_fix};
 use surefix_core::time::GpsTime;
+use surefix_core::wire::ubx::pvt::Carrier;
 use surefix_core::wire::{Counters, ubx};
 use surefix_host_tests::mutate::Known;
 use surefix_host_tests::rinex::{self, ObservationReader, read_unzipped};
 use surefix_host_tests::simulate::disturbances::Disturbances;
 use surefix_host_tests::simulate::stream::Format;
 use surefix_host_tests::simulate::{Args, atmosphere::Ionosphere, flight::Flight, simulate};
+use ublox::nav_pvt::common::NavPvtFlags;
 use ublox::proto27::{PacketRef, Proto27};
 use ublox::{ParserBuilder, UbxPacket};
 
@@ -108,6 +110,84 @@ fn every_observation_is_what_the_ublox_crate_reads_and_none_is_missing() {
         eprintln!(
             "{name}: {} epochs, {observations} different observations, all as the ublox crate reads them",
             epochs.len()
+        );
+    }
+}
+
+/// INT-120. The receiver's own solutions are what the ublox crate reads of them, and none is missing.
+#[test]
+fn int_120_every_nav_pvt_is_what_the_ublox_crate_reads() {
+    for (name, at_least) in [(WALK, 536), (&format!("{SPIRENT}.ubx"), 0), (BESANCON, 0)] {
+        let Some(path) = common::shared(name) else {
+            continue;
+        };
+        let stream = read_unzipped(&path).unwrap();
+        let mut ours = Vec::new();
+        for start in stream
+            .windows(4)
+            .enumerate()
+            .filter(|(_, head)| head[..2] == ubx::PREAMBLE && head[2..] == ubx::NAV_PVT)
+            .map(|(start, _)| start)
+        {
+            if let Ok((frame, _)) = ubx::Frame::parse(&stream[start..]) {
+                ours.push(ubx::NavPvt::parse(frame.payload).unwrap());
+            }
+        }
+        let mut parser = ParserBuilder::new()
+            .with_protocol::<Proto27>()
+            .with_vec_buffer();
+        let mut packets = parser.consume_ubx(&stream);
+        let (mut theirs, mut positions) = (0, 0);
+        while let Some(packet) = packets.next() {
+            let Ok(UbxPacket::Proto27(PacketRef::NavPvt(pvt))) = packet else {
+                continue;
+            };
+            let our = ours[theirs];
+            theirs += 1;
+            assert_eq!(our.itow_ms, pvt.itow());
+            if let Some(date) = our.date_utc {
+                assert_eq!(date, (pvt.year(), pvt.month(), pvt.day()));
+            }
+            assert_eq!(our.satellites, pvt.num_satellites());
+            assert_eq!(our.fix_ok, pvt.flags().contains(NavPvtFlags::GPS_FIX_OK));
+            assert_eq!(
+                our.is_differential,
+                pvt.flags().contains(NavPvtFlags::DIFF_SOLN)
+            );
+            let of_carrier = match our.carrier {
+                Carrier::None => NavPvtFlags::empty(),
+                Carrier::Float => NavPvtFlags::CARR_SOLN_FLOAT,
+                Carrier::Fixed => NavPvtFlags::CARR_SOLN_FIXED,
+            };
+            let both = NavPvtFlags::CARR_SOLN_FLOAT | NavPvtFlags::CARR_SOLN_FIXED;
+            assert_eq!((pvt.flags() & both).bits(), of_carrier.bits());
+            if !our.is_position() {
+                continue;
+            }
+            positions += 1;
+            let fix = receiver_fix(&our).unwrap();
+            assert_eq!(fix.time.tow_ns(), i64::from(pvt.itow()) * 1_000_000);
+            let solution = fix.solution.unwrap();
+            let near = |a: f64, b: f64| (a - b).abs() <= 1e-9 * b.abs().max(1.0);
+            assert!(near(solution.llh.lat_rad.to_degrees(), pvt.latitude()));
+            assert!(near(solution.llh.lon_rad.to_degrees(), pvt.longitude()));
+            assert!(near(solution.llh.height_m, pvt.height_above_ellipsoid()));
+            assert!(near(
+                solution.horizontal_accuracy_m,
+                pvt.horizontal_accuracy()
+            ));
+            assert!(near(solution.vertical_accuracy_m, pvt.vertical_accuracy()));
+            let velocity = solution.velocity.unwrap();
+            let [north, east, down] = velocity.ned_mps;
+            assert!(near(north, pvt.vel_north()));
+            assert!(near(east, pvt.vel_east()));
+            assert!(near(down, pvt.vel_down()));
+            assert!(near(velocity.accuracy_mps, pvt.speed_accuracy()));
+        }
+        assert_eq!(ours.len(), theirs, "{name}");
+        assert!(positions >= at_least, "{name}: {positions}");
+        eprintln!(
+            "{name}: {theirs} NAV-PVT, {positions} with a position, as the ublox crate reads them"
         );
     }
 }

@@ -13,7 +13,9 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::filter::{ErrorState, Filter, PredictWorkspace, Unhealthy};
 use super::information::{EpochInformation, MeasurementRow};
-use super::layout::{ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, GYRO_BIAS, VELOCITY};
+use super::layout::{
+    ACCEL_BIAS, ATTITUDE, BLOCKS, CLOCK_BIAS, CLOCK_DRIFT, GYRO_BIAS, POSITION, VELOCITY,
+};
 use super::process::{LeverState, ProcessAccumulator};
 use super::transition::Transition;
 use super::update::{UpdateSummary, UpdateWorkspace};
@@ -200,6 +202,13 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     /// All filters that share the transition of this epoch are.
     pub fn add_uncertainty(&mut self, attitude_rad: f64, velocity_mps: f64) {
         self.process.add_noise(ATTITUDE, &equal(attitude_rad));
+        self.process.add_noise(VELOCITY, &equal(velocity_mps));
+    }
+
+    /// Notes that the nominal is found to be wrong: its antenna is less certain by this much, one sigma per
+    /// axis, from the next epoch on.
+    pub fn widen(&mut self, position_m: f64, velocity_mps: f64) {
+        self.process.add_noise(POSITION, &equal(position_m));
         self.process.add_noise(VELOCITY, &equal(velocity_mps));
     }
 

@@ -10,17 +10,18 @@ use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
 };
+use super::receiver_fix::{decode_receiver_fix, receiver_fix};
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
-use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch};
+use crate::gnss::{CorrectedEpoch, NavMessage, ObservationEpoch, ReceiverFix};
 use crate::time::{GPST_MINUS_BDT_S, GpsTime, NS_PER_S, NS_PER_WEEK};
 use crate::wire::broadcast::{Collected, Collector, Subframe, SubframeError};
 use crate::wire::counters::count;
 use crate::wire::native::{Frame, Kind};
 use crate::wire::rtcm3::header::EpochTime;
 use crate::wire::rtcm3::{BroadcastEphemeris, ContentError, Message, Msm, MsmHeader};
-use crate::wire::ubx::{self, Rawx};
+use crate::wire::ubx::{self, NavPvt, Rawx};
 use crate::wire::{Counters, Scanned};
 
 /// So many epochs before the last one, each later than the one before it and none on time between
@@ -29,6 +30,9 @@ use crate::wire::{Counters, Scanned};
 /// One wrong time silences the output for so many epochs at most, 3 s at 1 Hz; a time to alert is
 /// longer.
 const LATE_EPOCHS_FOLLOWED: u8 = 3;
+
+/// A receiver that has given its own solutions for so long and no observations sends none, ns.
+const NO_OBSERVATIONS_AFTER_NS: i64 = 5 * NS_PER_S;
 
 const NS_PER_MS: i64 = 1_000_000;
 
@@ -69,10 +73,29 @@ pub(super) struct Assembler {
     /// station's, with another clock and from another place, and gives no epoch any more: not while the
     /// receiver does not know the week, and not when it falls silent.
     has_rawx: bool,
+    /// Observations have come, of whatever kind: the receiver's own solutions are not used any more.
+    has_observations: bool,
+    fixes: FixTimes,
     /// Parts of navigation messages.
     subframes: Collector,
     /// The ephemeris of a frame that will be given again.
     held: Option<BroadcastEphemeris>,
+}
+
+/// When the receiver gave its own solutions.
+#[derive(Clone, Copy, Debug)]
+struct FixTimes {
+    first: Option<GpsTime>,
+    last: Option<GpsTime>,
+    late: LateEpochs,
+}
+
+impl FixTimes {
+    const NONE: Self = Self {
+        first: None,
+        last: None,
+        late: LateEpochs::NONE,
+    };
 }
 
 /// Epochs that came after a later one, in a row.
@@ -113,6 +136,8 @@ impl Assembler {
         weeks: WeekResolver::EMPTY,
         corrected: CorrectedAssembler::EMPTY,
         has_rawx: false,
+        has_observations: false,
+        fixes: FixTimes::NONE,
         subframes: Collector::EMPTY,
         held: None,
     };
@@ -190,6 +215,7 @@ impl Assembler {
                         ubx::PayloadError::WeekUnknown => &mut counters.rawx_without_week,
                         ubx::PayloadError::Length
                         | ubx::PayloadError::Version { .. }
+                        | ubx::PayloadError::OutOfRange
                         | ubx::PayloadError::TimeOfWeek { .. } => &mut counters.ubx_refused,
                     });
                     Outcome::Used
@@ -200,6 +226,7 @@ impl Assembler {
 
     /// Epochs are made from RXM-RAWX from now on; one begun with MSM is dropped.
     fn follow_rawx(&mut self) {
+        self.has_observations = true;
         if !self.has_rawx {
             self.has_rawx = true;
             self.is_open = false;
@@ -218,7 +245,21 @@ impl Assembler {
                 self.follow_rawx();
                 Ok(self.take_rawx(&Rawx::parse(frame.payload)?, counters))
             }
-
+            // Empty, it asks for the message.
+            ubx::NAV_PVT if !frame.payload.is_empty() => {
+                if self.has_observations {
+                    count(&mut counters.fixes_beside_observations);
+                    return Ok(Outcome::Used);
+                }
+                match receiver_fix(&NavPvt::parse(frame.payload)?) {
+                    Ok(fix) => Ok(self.take_fix(&fix, counters)),
+                    Err(ubx::PayloadError::WeekUnknown) => {
+                        count(&mut counters.fixes_without_date);
+                        Ok(Outcome::Used)
+                    }
+                    Err(error) => Err(error),
+                }
+            }
             ubx::RXM_SFRBX if !frame.payload.is_empty() => {
                 Ok(self.take_subframe(&ubx::sfrbx::parse(frame.payload)?, counters))
             }
@@ -227,6 +268,40 @@ impl Assembler {
                 Ok(Outcome::Used)
             }
         }
+    }
+
+    /// A receiver's own solution, which gives an epoch once it is known that no observations come.
+    fn take_fix(&mut self, fix: &ReceiverFix, counters: &mut Counters) -> Outcome {
+        if self.has_observations {
+            count(&mut counters.fixes_beside_observations);
+            return Outcome::Used;
+        }
+        let time = fix.time;
+        if self.fixes.last.is_some_and(|last| time <= last) {
+            if self.fixes.last == Some(time) || !self.fixes.late.note(time) {
+                count(&mut counters.messages_too_late);
+                return Outcome::Used;
+            }
+            count(&mut counters.time_restarts);
+        }
+        let shift_weeks = self.weeks.learn_epoch(time);
+        if let Some(event) = self.week_learnt(shift_weeks) {
+            return Outcome::FirstGives(event);
+        }
+        self.fixes.late = LateEpochs::NONE;
+        self.fixes.last = Some(time);
+        self.weeks.at_epoch(time);
+        let first = *self.fixes.first.get_or_insert(time);
+        let waited_ns = time.ns().saturating_sub(first.ns());
+        if waited_ns < 0 {
+            self.fixes.first = Some(time);
+        }
+        if waited_ns < NO_OBSERVATIONS_AFTER_NS {
+            count(&mut counters.fixes_held_back);
+            return Outcome::Used;
+        }
+        count(&mut counters.fixes_used);
+        Outcome::UsedGives(Event::ReceiverFix(*fix))
     }
 
     fn take_subframe(&mut self, subframe: &Subframe<'_>, counters: &mut Counters) -> Outcome {
@@ -351,6 +426,7 @@ impl Assembler {
             count(&mut counters.observations_of_another_source);
             return Outcome::Used;
         }
+        self.has_observations = true;
         // A sender from before the standard gives GPST where BDT belongs. Its time must not be
         // believed, nor may it break the epoch in two.
         let is_bdt = matches!(header.epoch, EpochTime::Bdt(_));
@@ -542,7 +618,11 @@ impl Assembler {
             }
             Some(Kind::CorrectedObservations) => {
                 let group = CorrectedGroup::decode(frame.payload())?;
+                self.has_observations = true;
                 self.corrected.take(&group, counters)
+            }
+            Some(Kind::ReceiverFix) => {
+                self.take_fix(&decode_receiver_fix(frame.payload())?, counters)
             }
             Some(Kind::ReferenceModel) => Outcome::UsedGives(Event::ReferenceModel(
                 decode_reference_model(frame.payload())?,
@@ -563,6 +643,7 @@ impl Assembler {
     }
 
     fn take_group(&mut self, group: &ObservationGroup<'_>, counters: &mut Counters) -> Outcome {
+        self.has_observations = true;
         let time = if group.flags.week_unknown {
             self.weeks.resolve_provisional(group.time)
         } else {

@@ -5,8 +5,8 @@
 //! says that none follows, or a native frame that it is the last; it ends incomplete, and flagged,
 //! when a later one begins or the stream ends. Messages of an epoch that is over are dropped and
 //! counted. Inertial samples pass between the messages of an epoch and leave it as it is.
-//! Corrected epochs are put together by themselves. Layouts of native payloads:
-//! docs/native-frame.md.
+//! Corrected epochs are put together by themselves. A receiver's own solutions count only where it sends
+//! no observations. Layouts of native payloads: docs/native-frame.md.
 
 mod aiding;
 mod assembler;
@@ -14,6 +14,7 @@ mod convert;
 mod corrected;
 mod inertial;
 mod payload;
+mod receiver_fix;
 mod week;
 
 use assembler::{Assembler, Outcome};
@@ -32,9 +33,12 @@ pub use payload::{
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
     encode_ephemeris, encode_klobuchar, encode_observations,
 };
+pub use receiver_fix::{
+    RECEIVER_FIX_FRAME_LENGTH, decode_receiver_fix, encode_receiver_fix, receiver_fix,
+};
 
 use crate::config::Config;
-use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch};
+use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch, ReceiverFix};
 use crate::ins::{
     ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
     UnitSample,
@@ -81,6 +85,8 @@ pub enum Event {
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.
     ReferenceModel(ReferenceModel),
+    /// The receiver's own solution, of a receiver that sends no observations.
+    ReceiverFix(ReceiverFix),
     /// [`Ingest::corrected_epoch`] is ready, and stays so until the next call.
     CorrectedEpochReady,
     /// The stream ended.

@@ -95,7 +95,8 @@ fn vote(snapshot: &Verdict) -> Vote {
             | Reason::NotMonitored
             | Reason::RiskSpent
             | Reason::AlertHeld
-            | Reason::Settling,
+            | Reason::Settling
+            | Reason::NoRawData,
         ) => Vote::Objects,
     }
 }

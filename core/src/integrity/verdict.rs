@@ -28,6 +28,8 @@ pub enum Mode {
     Snapshot = 1,
     /// The tightly coupled filter.
     Tight = 2,
+    /// The receiver's own solution, alone or in the loosely coupled filter.
+    Loose = 3,
 }
 
 /// What the inertial side does, and why it does not serve.
@@ -98,6 +100,8 @@ pub enum Reason {
     AlertHeld = 15,
     /// The levels have not been within their limits for long enough since one was not.
     Settling = 16,
+    /// The receiver gives its own solution and no observations: nothing tests it.
+    NoRawData = 17,
 }
 
 /// Why there is no protection level.
@@ -121,6 +125,8 @@ pub enum NoBound {
     RiskSpent = 6,
     /// A detected fault is no longer seen, and was not excluded.
     AlertHeld = 7,
+    /// There are no observations that a position could be tested with.
+    NoRawData = 8,
 }
 
 impl NoBound {
@@ -135,6 +141,7 @@ impl NoBound {
             5 => Self::DeadlineMissed,
             6 => Self::RiskSpent,
             7 => Self::AlertHeld,
+            8 => Self::NoRawData,
             _ => return None,
         })
     }
@@ -289,6 +296,7 @@ impl Mode {
             Self::None => "none",
             Self::Snapshot => "snapshot",
             Self::Tight => "tight",
+            Self::Loose => "loose",
         }
     }
 
@@ -298,6 +306,7 @@ impl Mode {
             0 => Self::None,
             1 => Self::Snapshot,
             2 => Self::Tight,
+            3 => Self::Loose,
             _ => return None,
         })
     }
@@ -342,7 +351,7 @@ impl InertialStatus {
 
 impl Reason {
     /// Every reason, in the order of its number in a report frame.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::None,
         Self::TooFewSatellites,
         Self::NoRedundancy,
@@ -360,6 +369,7 @@ impl Reason {
         Self::RiskSpent,
         Self::AlertHeld,
         Self::Settling,
+        Self::NoRawData,
     ];
 
     /// Name in files.
@@ -382,6 +392,7 @@ impl Reason {
             Self::RiskSpent => "risk_spent",
             Self::AlertHeld => "alert_held",
             Self::Settling => "settling",
+            Self::NoRawData => "no_raw_data",
         }
     }
 

@@ -121,6 +121,14 @@ counters! {
     observations_of_other_systems,
     /// Messages with observations by another means than those the epochs are made from.
     observations_of_another_source,
+    /// The receiver's own solutions that gave an epoch, where it sends no observations.
+    fixes_used,
+    /// The same, while it is not yet known that it sends none.
+    fixes_held_back,
+    /// The same, beside observations: not used.
+    fixes_beside_observations,
+    /// The same, from before the receiver knew the date: not used.
+    fixes_without_date,
     /// Epochs put together.
     epochs,
     /// Epochs of these that lack messages.

@@ -76,6 +76,8 @@ pub enum Kind {
     Satellites = 20,
     /// The inertial side at an epoch, after its report.
     InertialReport = 21,
+    /// The receiver's own solution, into the monitor.
+    ReceiverFix = 33,
 }
 
 impl Kind {
@@ -101,6 +103,7 @@ impl Kind {
             19 => Self::Bank,
             20 => Self::Satellites,
             21 => Self::InertialReport,
+            33 => Self::ReceiverFix,
             _ => return None,
         })
     }

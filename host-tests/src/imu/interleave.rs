@@ -176,6 +176,11 @@ fn cuts(bytes: &[u8], config: &Config) -> Vec<Cut> {
                         cut.time = cut.time.plus_ns(shift_ns);
                     }
                 }
+                Event::ReceiverFix(fix) => cuts.push(Cut {
+                    at: frame.start,
+                    time: fix.time,
+                    week_unknown: false,
+                }),
                 Event::EpochReady => cuts.push(Cut {
                     at: frame.start,
                     time: ingest.epoch().time,

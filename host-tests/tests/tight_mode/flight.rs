@@ -4,6 +4,11 @@
 //! and up in sines; the nose along the velocity, the wings banked so that the turn is coordinated.
 //! Signals reach the antenna along the simulator's broadcast orbits, without an atmosphere.
 
+#![allow(
+    dead_code,
+    reason = "each test that includes this module uses its part of it"
+)]
+
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
@@ -124,7 +129,7 @@ fn to_e() -> (Vector3<f64>, Matrix3<f64>) {
 }
 
 /// Position, velocity, acceleration over the Earth.
-fn state_e(t_s: f64) -> [Vector3<f64>; 3] {
+pub fn state_e(t_s: f64) -> [Vector3<f64>; 3] {
     let (origin, c) = to_e();
     let [r, v, a] = track(t_s).map(|x| c * x);
     [origin + r, v, a]
@@ -197,7 +202,8 @@ impl Input {
     }
 }
 
-fn frame(encode: impl FnOnce(&mut [u8]) -> usize) -> Vec<u8> {
+/// A frame of what fits an epoch.
+pub fn frame(encode: impl FnOnce(&mut [u8]) -> usize) -> Vec<u8> {
     let mut out = vec![0; MAX_EPOCH_BYTES];
     let length = encode(&mut out);
     out.truncate(length);

@@ -7,12 +7,15 @@
 //! |---|---|---|
 //! | RXM-RAWX | `02 15` | the observations of an epoch, all in one message |
 //! | RXM-SFRBX | `02 13` | words of a navigation message, see [`super::broadcast`] |
+//! | NAV-PVT | `01 07` | the receiver's own position and velocity |
 //!
 //! Every other message is passed over and counted.
 
+pub mod pvt;
 pub mod rawx;
 pub mod sfrbx;
 
+pub use pvt::NavPvt;
 pub use rawx::{Measurement, Rawx};
 
 /// The two bytes a frame starts with.
@@ -34,6 +37,8 @@ pub const MAX_FRAME: usize = HEADER_LEN + MAX_PAYLOAD + TRAILER_LEN;
 pub const RXM_RAWX: [u8; 2] = [0x02, 0x15];
 /// Class and identifier of RXM-SFRBX.
 pub const RXM_SFRBX: [u8; 2] = [0x02, 0x13];
+/// Class and identifier of NAV-PVT.
+pub const NAV_PVT: [u8; 2] = [0x01, 0x07];
 
 /// A frame whose checksum is right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,6 +87,8 @@ pub enum PayloadError {
     },
     /// The receiver does not know the week yet.
     WeekUnknown,
+    /// A number is outside what it can mean.
+    OutOfRange,
 }
 
 /// The two sums of [UBX-F9-HPG] 3.4, after RFC 1145.

@@ -120,6 +120,7 @@ fn navigator(config: &InertialConfig, state: &InitialState, measurement: &Correc
     };
     call3(Navigator::step, &mut navigator, &increment, time);
     call3(Navigator::add_uncertainty, &mut navigator, 0.0, 0.0);
+    call3(Navigator::widen, &mut navigator, 0.0, 0.0);
     call1(Navigator::time, &navigator);
     call2(Navigator::shift, &mut navigator, 0);
     call2(Navigator::antenna, &navigator, time);

@@ -39,6 +39,10 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     call1(ingest::decode_ephemeris, bytes);
     call1(ingest::decode_klobuchar, bytes);
     call1(ingest::decode_configuration, bytes);
+    call1(ingest::decode_receiver_fix, bytes);
+    if let Ok(fix) = ingest::decode_receiver_fix(black_box(bytes)) {
+        call2(ingest::encode_receiver_fix, &fix, &mut out);
+    }
     call1(ObservationGroup::decode, bytes);
     if let Ok(group) = ObservationGroup::decode(black_box(bytes)) {
         let refused = |why| {
@@ -315,6 +319,7 @@ fn tight() {
     );
     call1(TightMonitor::status, &tight);
     call1(TightMonitor::is_running, &tight);
+    call1(TightMonitor::is_loose, &tight);
     call1(TightMonitor::alignment_mode, &tight);
     call1(TightMonitor::sigma_attitude_ned_rad, &tight);
     call1(TightMonitor::intake, &tight);

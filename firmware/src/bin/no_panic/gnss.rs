@@ -8,7 +8,7 @@ use surefix_core::gnss::measurement::SatelliteReason;
 use surefix_core::gnss::satellite::SystemSet;
 use surefix_core::gnss::solution::SnapshotWorkspace;
 use surefix_core::gnss::weights::{IonosphereResidual, RowConditions, RowSigma};
-use surefix_core::gnss::{Ephemeris, EphemerisStore, NavMessage};
+use surefix_core::gnss::{Ephemeris, EphemerisStore, FixQuality, NavMessage};
 use surefix_core::gnss::{
     ObservationEpoch, Satellite, SatelliteObservation, SatelliteSet, Signal, SignalObservation,
     System,
@@ -102,6 +102,7 @@ fn satellites() {
 
 fn observations() {
     call2(Signal::new, b'1', b'C');
+    call1(FixQuality::from_u8, 1);
     call1(Signal::band, Signal::C1C);
     call1(Signal::attribute, Signal::C1C);
     call2(Signal::frequency_hz, Signal::C1C, System::Gps);

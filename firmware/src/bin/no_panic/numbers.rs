@@ -40,6 +40,7 @@ fn time_entries() {
     call3(time::resolve_week, 0, 0, 0);
     call1(time::leap_seconds, t);
     call1(time::utc, t);
+    call3(time::start_of_day, 2025, 8, 28);
 }
 
 fn statistics() {

@@ -2,6 +2,7 @@
 
 use crate::call::{call1, call2, call3, call4};
 use core::hint::black_box;
+use surefix_core::ingest;
 use surefix_core::wire::bits::{BitCursor, Bits};
 use surefix_core::wire::broadcast::{Collector, Subframe};
 use surefix_core::wire::crc;
@@ -11,7 +12,7 @@ use surefix_core::wire::rtcm3::{
     BroadcastEphemeris, Cell, Constellation, Message, Msm, MsmHeader, StationPosition, header,
     signals,
 };
-use surefix_core::wire::ubx::{self, Rawx, sfrbx};
+use surefix_core::wire::ubx::{self, NavPvt, Rawx, sfrbx};
 use surefix_core::wire::{Counters, Scanner};
 
 pub fn all() {
@@ -76,6 +77,11 @@ fn u_blox(bytes: &[u8]) {
         call1(|rawx| Rawx::measurements(rawx).last(), &rawx);
     }
     call1(sfrbx::parse, bytes);
+    call1(NavPvt::parse, bytes);
+    if let Ok(pvt) = NavPvt::parse(black_box(bytes)) {
+        call1(NavPvt::is_position, &pvt);
+        call1(ingest::receiver_fix, &pvt);
+    }
 }
 
 fn broadcast(bytes: &[u8]) {
