@@ -12,10 +12,13 @@
 pub mod araim;
 pub mod bias;
 pub mod exclusion;
+pub mod igg3;
 pub mod level;
 pub mod ls;
 pub mod monitors;
 pub mod parity;
+pub mod reconstructed;
+pub mod rms;
 pub mod slope;
 pub mod thresholds;
 

@@ -11,12 +11,16 @@
 //! |---|---|---|
 //! | residual RAIM | [`residual`] | one fault missed with P_MD, noise on top |
 //! | ARAIM | [`araim`] | every likely fault, with the integrity risk |
+//! | IGG-III | [`robust`] | nothing beyond the noise of the rows that are left |
+//! | RMS comparison | [`rms`] | no levels |
 //!
 //! The default path of the product does not go through here: `snapshot.rs` solves, tests and
 //! excludes by itself.
 
 pub mod araim;
 pub mod residual;
+pub mod rms;
+pub mod robust;
 
 use super::exclusion::RowSet;
 use crate::consts::{MAX_SATELLITES, MAX_UNKNOWNS};
