@@ -29,6 +29,7 @@ use crate::ekf::layout::{ACCEL_BIAS, VELOCITY};
 use crate::ekf::{EpochInformation, ErrorState, MeasurementRow};
 use crate::frames::geodesy;
 use crate::ins::aiding::PressureSample;
+use crate::ins::horizon::Aiding;
 use crate::ins::{
     AidUse, AidsConfig, Barometer, BarometerModel, Increment, Stationarity, ZeroVelocityModel,
 };
@@ -245,9 +246,13 @@ impl TightMonitor {
 
     /// A sample of the barometer.
     pub(crate) fn on_pressure(&mut self, sample: &PressureSample) {
-        if self.aids.config.barometer.is_none() {
-            return;
+        if self.aids.config.barometer.is_some() {
+            self.await_increments(Aiding::Pressure(*sample));
         }
+    }
+
+    /// A sample of the barometer whose time the nominal has come to.
+    pub(super) fn take_pressure(&mut self, sample: &PressureSample) {
         let Some(height) = self.aids.barometer.take(sample) else {
             self.aids.latest = None;
             return;
@@ -256,7 +261,7 @@ impl TightMonitor {
             self.aids.latest = None;
             return;
         }
-        // The nominal waits for an epoch that is late: what is farther ahead of it is not compared.
+        // Of a barometer that is itself late, or after a gap of the inertial samples.
         let lead_ns = height.time.ns().wrapping_sub(self.navigator.time().ns());
         if !(-MAX_APART_NS..=MAX_APART_NS).contains(&lead_ns) {
             return;
