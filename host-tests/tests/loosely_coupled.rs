@@ -420,7 +420,7 @@ fn damaged(fix: &ReceiverFix, damage: &Damage) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// INT-116. Whatever becomes of fixes on their way: no panic, every number told is one, nothing is usable.
     #[test]
