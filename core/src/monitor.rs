@@ -21,10 +21,15 @@ use crate::gnss::{
     BroadcastIonosphere, EphemerisStore, FixSolution, FixVelocity, ObservationEpoch, ReceiverFix,
     SatelliteSet, System,
 };
-use crate::inertial_report::{AlignmentPart, InertialReport, TimingPart, UnitPart, UnitState};
+use crate::inertial_report::{
+    AidsPart, AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart,
+};
 use crate::ingest::{Event, Ingest};
+use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    InertialConfig, IntakeCounters, MAX_UNITS, MagneticSample, PressureSample, UnitSample,
+    AidsConfig, AidsConfigError, InertialConfig, InertialConfigError, IntakeCounters,
+    MAX_LATENCY_NS, MAX_UNITS, MagneticSample, Magnetometer, PressureSample, UnitConfig, UnitFault,
+    UnitSample, UnitState, Voting, VotingConfigureError, VotingMode,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -49,6 +54,13 @@ pub enum Ready {
     EndOfStream,
 }
 
+/// A receiver's latency beyond [`MAX_LATENCY_NS`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LatencyTooLong {
+    /// The latency given, ns.
+    pub latency_ns: u32,
+}
+
 /// What [`Ready::Epoch`] announced.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Pending {
@@ -58,8 +70,8 @@ enum Pending {
     Corrected,
     /// The receiver's own solution, of a receiver without observations.
     Fix(ReceiverFix),
-    /// Nothing: an epoch was due and the receiver is silent.
-    Silence { time: GpsTime },
+    /// Nothing: an epoch was due and the receiver is silent. The filter goes on without it, to `until`.
+    Silence { time: GpsTime, until: GpsTime },
 }
 
 /// All state of surefix.
@@ -68,6 +80,7 @@ pub struct Monitor {
     store: EphemerisStore,
     ionosphere: BroadcastIonosphere,
     snapshot: SnapshotMonitor,
+    voting: Voting,
     tight: TightMonitor,
     ledger: Ledger,
     pending: Pending,
@@ -87,6 +100,7 @@ impl Monitor {
         store: EphemerisStore::EMPTY,
         ionosphere: BroadcastIonosphere::EMPTY,
         snapshot: SnapshotMonitor::EMPTY,
+        voting: Voting::EMPTY,
         tight: TightMonitor::EMPTY,
         ledger: Ledger::EMPTY,
         pending: Pending::Observations,
@@ -136,9 +150,75 @@ impl Monitor {
             .config()
             .map_or(Config::PRESET.phase, |config| config.phase);
         self.tight.configure(inertial, &phase.requirements())?;
+        self.tight.expect(self.rhythm.due());
         self.snapshot
             .share_false_alerts(SNAPSHOT_FALSE_ALERT_SHARE)
             .map_err(TightConfigureError::Stats)
+    }
+
+    /// Adds the aids: a barometer, standstills. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`AidsConfigError`]; the aids are then those of before.
+    pub fn configure_aids(&mut self, aids: &AidsConfig) -> Result<(), AidsConfigError> {
+        aids.check()?;
+        self.snapshot.height_mut().configure(aids.barometer);
+        self.tight.configure_aids(aids);
+        Ok(())
+    }
+
+    /// Says how long after its instant an epoch of the receiver arrives at the least, ns. Without it the
+    /// monitor learns it from the epochs that come: it is what a missing epoch is waited for, besides half an
+    /// interval. A frame in the stream does the same, until the first epoch.
+    ///
+    /// # Errors
+    /// [`LatencyTooLong`] when the filter's history does not reach back so far; nothing is changed then.
+    pub fn configure_receiver_latency(&mut self, latency_ns: u32) -> Result<(), LatencyTooLong> {
+        if i64::from(latency_ns) > MAX_LATENCY_NS {
+            return Err(LatencyTooLong { latency_ns });
+        }
+        self.rhythm.know_latency(latency_ns.into());
+        Ok(())
+    }
+
+    /// Adds a magnetometer, whose field gives a heading. A frame in the stream does the same, until the first
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`MagnetometerError`]; there is then none.
+    pub fn configure_magnetometer(
+        &mut self,
+        magnetometer: &Magnetometer,
+    ) -> Result<(), MagnetometerError> {
+        self.tight.configure_magnetometer(magnetometer)
+    }
+
+    /// Adds the unit of a number, below [`MAX_UNITS`], to those that vote, after
+    /// [`Monitor::configure_inertial`], which says what the vote gives: its interval, the way from the body
+    /// point to the antenna, noise, and no mounting. A frame in the stream does the same, until the first
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`VotingConfigureError`]; the units are then as they were.
+    pub fn configure_unit(
+        &mut self,
+        unit: u8,
+        config: &UnitConfig,
+    ) -> Result<(), VotingConfigureError> {
+        let Some(voted) = self.tight.config() else {
+            return Err(VotingConfigureError::Config(
+                InertialConfigError::Interval { interval_ns: 0 },
+            ));
+        };
+        // The vote gives body axes.
+        if voted.c_b_s != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+            return Err(VotingConfigureError::Config(InertialConfigError::Mounting));
+        }
+        let interval_ns = voted.interval_ns;
+        if !self.voting.is_configured() || self.voting.interval_ns() != interval_ns {
+            self.voting.begin(interval_ns)?;
+        }
+        self.voting.add(unit, config)
     }
 
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
@@ -158,6 +238,12 @@ impl Monitor {
                 return (used, Some(ready));
             }
         }
+    }
+
+    /// Bytes given to [`Monitor::push`] from which nothing has followed yet: the frame that is not complete.
+    /// A sample handed in now takes effect before them.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.ingest.bytes_in_hand()
     }
 
     /// No more bytes will come: gives an epoch that waited for more, then [`Ready::EndOfStream`].
@@ -187,6 +273,24 @@ impl Monitor {
                 self.note_refusal(is_accepted);
                 None
             }
+            Event::Aids(aids) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_aids(&aids).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::ReceiverLatency(latency_ns) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_receiver_latency(latency_ns).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
+            Event::Magnetometer(magnetometer) => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_magnetometer(&magnetometer).is_ok();
+                self.note_refusal(is_accepted);
+                None
+            }
             Event::ReferenceModel(model) => {
                 let is_early = self.first_epoch.is_none();
                 let is_accepted = is_early && self.tight.follow(&model).is_ok();
@@ -202,9 +306,24 @@ impl Monitor {
                 self.note_refusal(is_accepted);
                 None
             }
+            Event::Imu(sample) if self.voting.is_configured() => {
+                // Whoever does not say which unit means the first.
+                let sample = UnitSample {
+                    sample,
+                    is_valid: true,
+                    temperature_c: None,
+                };
+                self.on_unit_sample(0, &sample)
+            }
             Event::Imu(sample) => {
                 self.tight.on_sample(&sample);
                 self.expect_epoch(sample.time)
+            }
+            Event::Unit { unit, config } => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_unit(unit, &config).is_ok();
+                self.note_refusal(is_accepted);
+                None
             }
             Event::UnitSample { unit, sample } => self.on_unit_sample(unit, &sample),
             Event::Pressure(sample) => {
@@ -231,17 +350,21 @@ impl Monitor {
                 self.rhythm.shift(shift_ns);
                 self.alerts.shift(shift_ns);
                 self.readmission.shift();
+                self.voting.shift(shift_ns);
                 self.tight.shift(shift_ns);
+                self.snapshot.height_mut().shift(shift_ns);
                 None
             }
             Event::EpochReady => {
                 self.pending = Pending::Observations;
                 self.rhythm.epoch(self.ingest.epoch().time);
+                self.tight.expect(self.rhythm.due());
                 Some(Ready::Epoch)
             }
             Event::ReceiverFix(fix) => {
                 self.pending = Pending::Fix(fix);
                 self.rhythm.epoch(fix.time);
+                self.tight.expect(self.rhythm.due());
                 Some(Ready::Epoch)
             }
             Event::CorrectedEpochReady => {
@@ -252,21 +375,40 @@ impl Monitor {
         }
     }
 
-    /// Takes a sample of the inertial unit of this number. The first unit's are used; without a vote the
-    /// others are not.
+    /// Takes a sample of the inertial unit of this number. Where no units vote the first's are used, and
+    /// the others' are not.
     pub fn on_unit_sample(&mut self, unit: u8, sample: &UnitSample) -> Option<Ready> {
-        if unit != 0 || !sample.is_valid {
-            return None;
+        if !self.voting.is_configured() {
+            if unit != 0 || !sample.is_valid {
+                return None;
+            }
+            self.tight.on_sample(&sample.sample);
+            return self.expect_epoch(sample.sample.time);
         }
-        self.tight.on_sample(&sample.sample);
-        self.expect_epoch(sample.sample.time)
+        self.voting.take(unit.into(), sample);
+        // No more than the vote holds back; what an epoch interrupts comes with the next sample.
+        while let Some(voted) = self.voting.next_sample() {
+            self.tight.on_sample(&voted);
+            if let Some(ready) = self.expect_epoch(voted.time) {
+                return Some(ready);
+            }
+        }
+        if self.voting.mode() == VotingMode::Disagree {
+            self.tight.distrust();
+        }
+        None
     }
 
-    /// Takes a sample of a barometer.
-    pub fn on_pressure(&mut self, _sample: &PressureSample) {}
+    /// Takes a sample of a barometer; without [`Monitor::configure_aids`] nothing comes of it.
+    pub fn on_pressure(&mut self, sample: &PressureSample) {
+        self.snapshot.height_mut().on_pressure(sample);
+        self.tight.on_pressure(sample);
+    }
 
     /// Takes a sample of a magnetometer.
-    pub fn on_magnetic_field(&mut self, _sample: &MagneticSample) {}
+    pub fn on_magnetic_field(&mut self, sample: &MagneticSample) {
+        self.tight.on_field(sample);
+    }
 
     fn note_refusal(&mut self, is_accepted: bool) {
         if !is_accepted {
@@ -279,23 +421,26 @@ impl Monitor {
         if self.tight.status() == InertialStatus::Off {
             return None;
         }
-        if let Some(due) = self.rhythm.due() {
-            self.tight.remember(due);
-        }
+        self.tight.expect(self.rhythm.due());
         let time = self.rhythm.sample(now)?;
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
+    }
+
+    /// The epoch due at `time` has not come by `now`. Those after it may still be on their way.
+    fn miss(&mut self, time: GpsTime, now: GpsTime) -> Ready {
+        let until = now.plus_ns(-self.rhythm.latency_ns());
+        self.pending = Pending::Silence { time, until };
+        Ready::Epoch
     }
 
     /// Asks whether an epoch is overdue at `now`, by a clock of whoever runs the monitor: with receiver and
     /// inertial unit both silent no byte comes that could say so. [`Ready::Epoch`] when one is, half an
-    /// interval after it was due: [`Monitor::process`] then reports the silence. Core has no clock of
+    /// interval after it should have arrived: [`Monitor::process`] then reports the silence. Core has no clock of
     /// its own; without this call nothing is said until bytes come again.
     pub fn tick(&mut self, now: GpsTime) -> Option<Ready> {
         let time = self.rhythm.missed(now)?;
         self.tight.hear_nothing(now);
-        self.pending = Pending::Silence { time };
-        Some(Ready::Epoch)
+        Some(self.miss(time, now))
     }
 
     /// Assesses the epoch that [`Ready::Epoch`] announced.
@@ -316,7 +461,7 @@ impl Monitor {
             Pending::Observations => self.process_observations(counter, memory),
             Pending::Corrected => self.process_corrected(counter, memory),
             Pending::Fix(fix) => self.process_fix(&fix, counter),
-            Pending::Silence { time } => self.process_silence(time, counter, memory),
+            Pending::Silence { time, until } => self.process_silence(time, until, counter, memory),
         };
         let first_epoch = *self.first_epoch.get_or_insert(report.time);
         report.since_first_ns = report.time.ns().wrapping_sub(first_epoch.ns());
@@ -382,6 +527,7 @@ impl Monitor {
         let verdict = assessment.verdict;
         let tested = TestedSolution::new(&assessment);
         let mut meter = Meter::new(counter, epoch_begin);
+        self.tight.note_prediction(epoch.time);
         let tight = match memory {
             Some(memory) => self.tight.on_epoch_with_bank(
                 epoch.time,
@@ -399,7 +545,8 @@ impl Monitor {
                 tested.as_ref(),
             ),
         };
-        if with_bank && tight.is_some() {
+        let sigma_velocity_enu_mps = self.tight.velocity_sigma_enu_mps(self.snapshot.workspace());
+        if with_bank && tight.is_some() && self.tight.has_earned() {
             self.readmission
                 .adopt(readmission::union(self.tight.excluded(), named));
         }
@@ -414,7 +561,14 @@ impl Monitor {
                     }
                     _ => true,
                 };
-                if serves {
+                let is_told = serves
+                    && self.tight.earn(
+                        epoch.time,
+                        tight,
+                        tested.and_then(|tested| tested.solution.velocity_enu_mps),
+                        &sigma_velocity_enu_mps,
+                    );
+                if is_told {
                     let opinion = self.tight.opinion().filter(|_| with_bank);
                     report.verdict = match opinion {
                         Some(bank) => {
@@ -428,7 +582,9 @@ impl Monitor {
                     serve(&mut report, tight);
                 }
             }
-            None => self.tight.align(epoch.time, tested.as_ref()),
+            None => self
+                .tight
+                .align(epoch.time, tested.as_ref(), &sigma_velocity_enu_mps),
         }
         report.inertial = self.tight.tell();
         report.suspect = self.snapshot.suspect(&assessment, &report.verdict);
@@ -476,8 +632,12 @@ impl Monitor {
         if let Some(solution) = &fix.solution {
             take_over(&mut report, solution);
         }
+        self.tight.note_prediction(fix.time);
         match self.tight.on_fix(fix) {
-            Some(solution) => self.serve_loose(&mut report, &solution),
+            Some(solution) if self.tight.earn_with_fix(fix, &solution) => {
+                self.serve_loose(&mut report, &solution);
+            }
+            Some(_) => {}
             None => self.tight.align_with_fix(fix),
         }
         report.flags.fix_refused = self.tight.fix_is_refused();
@@ -499,6 +659,7 @@ impl Monitor {
     fn process_silence(
         &mut self,
         time: GpsTime,
+        until: GpsTime,
         counter: &mut impl CycleCounter,
         memory: Option<BankMemory<'_>>,
     ) -> EpochReport {
@@ -512,10 +673,12 @@ impl Monitor {
         let mut meter = Meter::new(counter, begin);
         let is_loose = self.tight.is_loose();
         let tight = match memory {
-            Some(memory) if !is_loose => self.tight.on_silence_with_bank(time, memory, &mut meter),
-            _ => self.tight.on_silence(time),
+            Some(memory) if !is_loose => self
+                .tight
+                .on_silence_with_bank(time, until, memory, &mut meter),
+            _ => self.tight.on_silence(time, until),
         };
-        match tight {
+        match tight.filter(|_| self.tight.has_earned()) {
             Some(solution) if is_loose => self.serve_loose(&mut report, &solution),
             Some(tight) => serve(&mut report, &tight),
             None => {}
@@ -629,29 +792,71 @@ impl Monitor {
         }
         let newest = self.tight.intake().last_time();
         let mut units = [UnitPart::ABSENT; MAX_UNITS];
-        if let Some(first) = units.first_mut() {
-            first.state = match status {
-                InertialStatus::NoSample | InertialStatus::ImuSilent => UnitState::Silent,
-                _ => UnitState::Used,
-            };
+        let mode = self.voting.mode();
+        if mode == VotingMode::Off {
+            if let Some(first) = units.first_mut() {
+                first.state = match status {
+                    InertialStatus::NoSample | InertialStatus::ImuSilent => UnitState::Silent,
+                    _ => UnitState::Used,
+                };
+            }
+        } else {
+            for (number, unit) in units.iter_mut().enumerate() {
+                let (state, fault): (UnitState, UnitFault) = self.voting.unit(number);
+                *unit = UnitPart { state, fault };
+            }
         }
         Some(InertialReport {
             time: report.time,
             alignment: AlignmentPart {
                 mode: self.tight.alignment_mode(),
                 sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
+                obstacle: self.tight.obstacle(),
             },
+            voting: mode,
             units,
             timing: TimingPart {
                 lead_of_samples_ns: newest
                     .map(|newest| newest.ns().saturating_sub(report.time.ns())),
+                latency_ns: self.rhythm.latency_ns(),
+                horizon: self.tight.horizon(),
+                now: self.navigation_now(),
             },
+            aids: self.aids_part(),
+        })
+    }
+
+    fn aids_part(&self) -> AidsPart {
+        let [standstill, climb] = self.tight.aids_used();
+        AidsPart {
+            standstill,
+            climb,
+            height: self.snapshot.height_use(),
+            height_bias_m: self.snapshot.height().bias_m(),
+        }
+    }
+
+    /// Where the antenna is now, which is the end of the newest inertial sample: the filter's nominal carried
+    /// over the samples that wait for their epoch. Nothing has tested it and no level bounds it; it
+    /// is for a consumer that must act at once. `None` while the filter does not run.
+    pub fn navigation_now(&self) -> Option<NavigationNow> {
+        let at = self.tight.navigation_now()?;
+        Some(NavigationNow {
+            time: at.time,
+            r_e_m: at.r_e_m,
+            v_e_mps: at.v_e_mps,
+            q_e_b: at.q_e_b,
         })
     }
 
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.
     pub const fn opinions(&self) -> Option<Opinions> {
         self.opinions
+    }
+
+    /// The vote between several inertial units.
+    pub const fn voting(&self) -> &Voting {
+        &self.voting
     }
 
     /// Tight mode.

@@ -1,10 +1,13 @@
 //! When the receiver is expected to give an epoch, by the time of the inertial samples.
 //!
 //! A receiver that falls silent sends nothing that could say so; the samples that go on do. An epoch
-//! is missing when one and a half intervals have passed without it. The time of samples is believed
+//! is missing when half an interval has passed since it should have arrived, which is one and a half intervals
+//! after the one before where epochs come at once, and later by the receiver's latency where they do not. The
+//! latency is what the user says or the epochs show, the larger of the two. The time of samples is believed
 //! when they and the epochs were of the same time at the last epoch, and after a leap or a pause when
 //! they have gone on for as long again: an epoch that does come shows which of the two it was.
 
+use crate::ins::MAX_LATENCY_NS;
 use crate::time::{GpsTime, NS_PER_S};
 
 /// Intervals between epochs that are taken for a rhythm, ns: 20 Hz to one epoch a minute.
@@ -14,6 +17,10 @@ const MAX_STEP_NS: i64 = 50_000_000;
 /// Samples and epochs are of the same time when they lie no farther apart than this, ns, where the
 /// interval of the epochs is not known.
 const SAME_TIME_NS: i64 = NS_PER_S;
+
+/// A latency that was seen is forgotten at this rate, ns in a second: neither soon enough to miss the next
+/// epoch of a receiver whose latency jumps about, nor so slowly that one late epoch counts for minutes.
+const FORGOTTEN_NS_PER_S: i64 = 10_000_000;
 
 /// When epochs came and samples come.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +37,10 @@ pub(crate) struct Rhythm {
     begun: GpsTime,
     /// The samples were of the time of the epochs at the last epoch.
     in_step: bool,
+    /// The receiver's latency as the user has it, ns.
+    known_latency_ns: i64,
+    /// How far the samples were ahead of epochs when these came, ns: the most, less what is forgotten.
+    seen_latency_ns: i64,
 }
 
 impl Rhythm {
@@ -41,7 +52,19 @@ impl Rhythm {
         heard: None,
         begun: GpsTime::from_ns(0),
         in_step: false,
+        known_latency_ns: 0,
+        seen_latency_ns: 0,
     };
+
+    /// Epochs come at least so late, ns; no more than the filter's history reaches back.
+    pub(crate) fn know_latency(&mut self, latency_ns: i64) {
+        self.known_latency_ns = latency_ns.clamp(0, MAX_LATENCY_NS);
+    }
+
+    /// How late epochs come, ns, by the time of the samples: as the user has it, or later where they did.
+    pub(crate) fn latency_ns(&self) -> i64 {
+        self.known_latency_ns.max(self.seen_latency_ns)
+    }
 
     /// The receiver gave an epoch.
     pub(crate) fn epoch(&mut self, time: GpsTime) {
@@ -51,11 +74,26 @@ impl Rhythm {
             self.elapsed_ns = [second, third, elapsed_ns];
         }
         self.last = Some(time);
-        self.told = None;
-        let apart_ns = self.interval_ns().unwrap_or(SAME_TIME_NS);
-        self.in_step = self
-            .heard
-            .is_some_and(|heard| (-apart_ns..=apart_ns).contains(&since(time, heard)));
+        // What was told missing stays so when an epoch from before it comes at last.
+        self.told = self
+            .told
+            .filter(|told| (1..=SAME_TIME_NS).contains(&since(*told, time)));
+        let ahead_ns = self.interval_ns().unwrap_or(SAME_TIME_NS);
+        let behind_ns = ahead_ns.max(MAX_LATENCY_NS);
+        let late_ns = self.heard.map(|heard| since(heard, time));
+        self.in_step = late_ns.is_some_and(|ns| (-ahead_ns..=behind_ns).contains(&ns));
+        self.see_latency(late_ns.filter(|_| self.in_step), elapsed_ns.unwrap_or(0));
+    }
+
+    /// An epoch came `late_ns` after its instant, and this long after the one before.
+    fn see_latency(&mut self, late_ns: Option<i64>, elapsed_ns: i64) {
+        let elapsed_ns = elapsed_ns.clamp(0, *INTERVALS_NS.end());
+        let forgotten_ns = elapsed_ns / (NS_PER_S / FORGOTTEN_NS_PER_S);
+        self.seen_latency_ns = self
+            .seen_latency_ns
+            .saturating_sub(forgotten_ns)
+            .max(late_ns.unwrap_or(0))
+            .clamp(0, MAX_LATENCY_NS);
     }
 
     /// The interval between epochs, ns: of the last three the middle one, so that neither a gap nor an
@@ -74,7 +112,7 @@ impl Rhythm {
     }
 
     /// A sample came, of whatever content. Gives the time at which an epoch was due and has not come
-    /// for half an interval, once; after a pause of the samples the latest such time alone.
+    /// for half an interval and the latency, once; after a pause of the samples the latest such time alone.
     pub(crate) fn sample(&mut self, now: GpsTime) -> Option<GpsTime> {
         let interval_ns = self.interval_ns();
         let half_ns = interval_ns.unwrap_or(0) / 2;
@@ -90,11 +128,13 @@ impl Rhythm {
         if is_believed { self.missed(now) } else { None }
     }
 
-    /// The time at which an epoch was due and had not come half an interval later, by a clock that is
-    /// believed; each time once, and of several the latest alone.
+    /// The time at which an epoch was due and had not come half an interval and the latency later, by a
+    /// clock that is believed; each time once, and of several the latest alone.
     pub(crate) fn missed(&mut self, now: GpsTime) -> Option<GpsTime> {
         let (due, interval_ns) = (self.due()?, self.interval_ns()?);
-        let waiting_ns = since(now, due).saturating_sub(interval_ns / 2);
+        let waiting_ns = since(now, due)
+            .saturating_sub(interval_ns / 2)
+            .saturating_sub(self.latency_ns());
         if waiting_ns < 0 {
             return None;
         }
@@ -152,6 +192,79 @@ mod tests {
         assert_eq!(rhythm.due(), Some(at(14_000)));
         // And all is well again with the first epoch.
         assert_eq!(run(&mut rhythm, 14_000, 15_400, &[14_100]), []);
+    }
+
+    /// The same; the epochs come so many milliseconds after their instants.
+    fn run_late(
+        rhythm: &mut Rhythm,
+        from: i64,
+        to: i64,
+        epochs: &[i64],
+        late: i64,
+    ) -> Vec<(i64, i64)> {
+        let mut told = Vec::new();
+        for now in (from + 10..=to).step_by(10) {
+            if let Some(due) = rhythm.sample(at(now)) {
+                told.push(((due.ns() - at(0).ns()) / 1_000_000, now));
+            }
+            if epochs.contains(&(now - late)) {
+                rhythm.epoch(at(now - late));
+            }
+        }
+        told
+    }
+
+    /// INT-127.
+    #[test]
+    fn int_127_a_receiver_that_is_late_is_missed_later_by_its_latency() {
+        for late in [50, 300, 400] {
+            let mut rhythm = Rhythm::UNKNOWN;
+            let told = run_late(&mut rhythm, 0, 14_000, &TEN, late);
+            let expected = [11_000, 12_000, 13_000].map(|due| (due, due + 500 + late));
+            let before_end = expected.into_iter().filter(|(_, when)| *when <= 14_000);
+            assert!(told.into_iter().eq(before_end), "{late}");
+        }
+        // Told beforehand: nothing needs to be learnt.
+        let mut rhythm = Rhythm::UNKNOWN;
+        rhythm.know_latency(200_000_000);
+        run(&mut rhythm, 0, 10_000, &TEN);
+        let told = run(&mut rhythm, 10_000, 12_000, &[]);
+        assert_eq!(told, [(11_000, 11_700)]);
+    }
+
+    /// INT-127.
+    #[test]
+    fn int_127_a_latency_that_was_seen_once_is_forgotten_in_half_a_minute() {
+        let mut rhythm = Rhythm::UNKNOWN;
+        run(&mut rhythm, 0, 10_000, &TEN);
+        run_late(&mut rhythm, 10_000, 11_990, &[11_000], 300);
+        assert_eq!(rhythm.latency_ns(), 300_000_000);
+        let on_time: Vec<i64> = (12_000..=60_000).step_by(1000).collect();
+        let mut last_ns = rhythm.latency_ns();
+        for second in 11..60 {
+            let from = 1000 * second + 990;
+            run(&mut rhythm, from, from + 1000, &on_time);
+            let now_ns = rhythm.latency_ns();
+            assert!(last_ns - now_ns <= FORGOTTEN_NS_PER_S, "{second}");
+            last_ns = now_ns;
+        }
+        assert_eq!(last_ns, 0);
+        // No epoch is waited for longer than it could be used.
+        run_late(&mut rhythm, 60_990, 63_000, &[62_000], 800);
+        assert_eq!(rhythm.latency_ns(), MAX_LATENCY_NS);
+        rhythm.know_latency(i64::MAX);
+        assert_eq!(rhythm.latency_ns(), MAX_LATENCY_NS);
+    }
+
+    /// A tenth of a second between epochs, three of which are told missing before they come.
+    #[test]
+    fn what_was_told_missing_is_not_told_again_when_it_comes_at_last() {
+        let mut rhythm = Rhythm::UNKNOWN;
+        let epochs: Vec<i64> = (100..=2000).step_by(100).collect();
+        assert_eq!(run(&mut rhythm, 0, 2000, &epochs), []);
+        let late: Vec<i64> = (2100..=4000).step_by(100).collect();
+        let told = run_late(&mut rhythm, 2000, 4000, &late, 300);
+        assert_eq!(told, [(2100, 2150), (2200, 2250), (2300, 2350)]);
     }
 
     #[test]

@@ -16,6 +16,7 @@ use crate::gnss::solution::{
     SATELLITE_REASONS, SnapshotError, SnapshotSolution, SnapshotWorkspace,
 };
 use crate::gnss::{BroadcastIonosphere, EphemerisStore, ObservationEpoch, Satellite, SatelliteSet};
+use crate::ins::AidUse;
 use crate::integrity::{
     Integrity, NoBound, PhaseRequirements, ProtectionLevel, Reason, Suspect, Verdict,
 };
@@ -26,9 +27,13 @@ use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
 use crate::raim::level::LevelFactors;
 use crate::raim::slope::{NoLevel, Sensitivity};
 use crate::raim::thresholds::RaimTable;
-use crate::raim::{RaimError, parity};
+use crate::raim::{RaimError, bounded, parity};
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
+
+mod height;
+
+pub use height::{CalibratedHeight, HeightCalibration};
 
 const _: () = assert!(MAX_FAULTS == 3, "Config::check knows the same limit");
 
@@ -45,6 +50,9 @@ pub const ROUND_NS: i64 = 25_000_000;
 /// Farthest the clocks against two systems may lie apart, m: 10 µs. The systems keep within 100 ns of
 /// each other, receivers delay their signals differently by up to a few microseconds.
 pub const MAX_INTER_SYSTEM_M: f64 = 1.0e-5 * SPEED_OF_LIGHT_MPS;
+
+/// A barometer is calibrated against satellites with this redundancy at least.
+const LEARNING_REDUNDANCY: usize = 2;
 
 /// Why a monitor could not be configured.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,6 +94,8 @@ struct Progress {
     statistic: Option<f64>,
     threshold: Option<f64>,
     excluded: SatelliteSet,
+    /// A height that may be used, unless it was found faulty.
+    height: Option<CalibratedHeight>,
     hpl: ProtectionLevel,
     vpl: ProtectionLevel,
     residual_rms_m: Option<f64>,
@@ -128,6 +138,8 @@ pub struct SnapshotMonitor {
     common_errors_m: [[f64; MAX_SATELLITES]; 1],
     start: Option<[f64; 3]>,
     left_out: SatelliteSet,
+    height: HeightCalibration,
+    height_use: AidUse,
 }
 
 impl SnapshotMonitor {
@@ -145,6 +157,8 @@ impl SnapshotMonitor {
         common_errors_m: [[0.0; MAX_SATELLITES]],
         start: None,
         left_out: SatelliteSet::EMPTY,
+        height: HeightCalibration::EMPTY,
+        height_use: AidUse::Off,
     };
 
     /// Checks a configuration and computes every threshold it needs, once.
@@ -184,6 +198,21 @@ impl SnapshotMonitor {
     /// Satellites that somebody else has found faulty are not used from now on.
     pub const fn leave_out(&mut self, satellites: SatelliteSet) {
         self.left_out = satellites;
+    }
+
+    /// The barometer, with its bias.
+    pub const fn height(&self) -> &HeightCalibration {
+        &self.height
+    }
+
+    /// The same, to be configured and given its samples.
+    pub const fn height_mut(&mut self) -> &mut HeightCalibration {
+        &mut self.height
+    }
+
+    /// What became of its height at the epoch assessed last.
+    pub const fn height_use(&self) -> AidUse {
+        self.height_use
     }
 
     /// The configuration in force.
@@ -242,6 +271,7 @@ impl SnapshotMonitor {
             statistic: None,
             threshold: None,
             excluded: self.left_out,
+            height: self.height.height(epoch.time),
             hpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
             vpl: ProtectionLevel::Unavailable(NoBound::NoPosition),
             residual_rms_m: None,
@@ -269,6 +299,7 @@ impl SnapshotMonitor {
         let unused = progress
             .solution
             .map_or_else(|| self.workspace.unused(), |solution| solution.unused);
+        self.judge_height(&progress);
         let mut excluded_here = progress.excluded;
         for satellite in self.left_out.iter() {
             excluded_here.remove(satellite);
@@ -353,9 +384,41 @@ impl SnapshotMonitor {
         Some((square, suspect))
     }
 
+    /// What an epoch says of the barometer: its bias is learned from satellites that tested each other, and
+    /// forgotten when they disagree, or when it is faulty itself.
+    fn judge_height(&mut self, progress: &Progress) {
+        if !self.height.is_on() {
+            return;
+        }
+        let was_offered = self.height.height(progress.time).is_some();
+        let uses_height = self.workspace.uses_height();
+        self.height_use = match (was_offered, uses_height) {
+            (true, _) if progress.height.is_none() => AidUse::Excluded,
+            (true, true) => AidUse::Used,
+            (true, false) => AidUse::Ready,
+            (false, _) => AidUse::Waiting,
+        };
+        if self.height_use == AidUse::Excluded {
+            self.height.forget();
+        } else if !uses_height {
+            match (progress.test, &progress.solution, progress.vpl.bound_m()) {
+                (Test::Passed, Some(solution), Some(vpl_m))
+                    if self.qr.n() >= self.qr.m() + LEARNING_REDUNDANCY =>
+                {
+                    self.height
+                        .learn(progress.time, solution.llh.height_m, vpl_m);
+                }
+                (Test::Failed | Test::PassedWithout, ..) => self.height.forget(),
+                _ => {}
+            }
+        }
+    }
+
     /// Position without the satellites excluded so far.
     fn solve(&mut self, progress: &mut Progress) {
         self.sensitivity_is_current = false;
+        self.workspace
+            .offer_height(progress.height.map(|height| height.row));
         match self.workspace.solve(progress.excluded, self.start) {
             Ok(solution) => {
                 self.start = Some(solution.r_e_m);
@@ -423,13 +486,21 @@ impl SnapshotMonitor {
                 without.excluded.insert(used.satellite);
             }
         }
+        let satellites = self.workspace.used_rows().count();
+        if self.workspace.uses_height() && found.rows.contains(satellites) {
+            without.height = None;
+        }
+        let is_changed = without.excluded != progress.excluded || without.height != progress.height;
         self.solve(&mut without);
-        if without.excluded == progress.excluded || matches!(without.test, Test::Impossible(_)) {
+        if !is_changed || matches!(without.test, Test::Impossible(_)) {
             return;
         }
         self.detect(&mut without);
         if without.test == Test::Passed {
-            without.test = Test::PassedWithout;
+            // A height that is left out is no satellite.
+            if without.excluded != progress.excluded {
+                without.test = Test::PassedWithout;
+            }
             *progress = without;
         }
     }
@@ -448,7 +519,7 @@ impl SnapshotMonitor {
         };
         let levels = match unavailable {
             Some(why) => Err(why),
-            None => self.levels(),
+            None => self.levels(progress.height.as_ref()),
         };
         if unavailable.is_none() {
             progress.most_likely = self.most_likely();
@@ -474,21 +545,29 @@ impl SnapshotMonitor {
         self.sensitivity_is_current = true;
     }
 
-    fn levels(&mut self) -> Result<Levels, NoBound> {
+    fn levels(&mut self, height: Option<&CalibratedHeight>) -> Result<Levels, NoBound> {
         let redundancy = self.qr.n().saturating_sub(self.qr.m());
         let sqrt_noncentrality = self
             .thresholds
             .sqrt_noncentrality(redundancy)
             .ok_or(NoBound::NoRedundancy)?;
         self.fill_sensitivity();
-        let slope = self
-            .sensitivity
-            .levels(sqrt_noncentrality)
-            .map_err(|error| match error {
-                NoLevel::NoRedundancy => NoBound::NoRedundancy,
-                NoLevel::Untestable { .. } => NoBound::Untestable,
-                NoLevel::NotFinite => NoBound::NotFinite,
-            })?;
+        let height = height.filter(|_| self.workspace.uses_height());
+        let height_row = self.qr.n().saturating_sub(1);
+        let slope = match height {
+            None => self.sensitivity.levels(sqrt_noncentrality),
+            Some(height) => bounded::levels(
+                &self.sensitivity,
+                sqrt_noncentrality,
+                height_row,
+                height.bound_m / height.row.sigma_m,
+            ),
+        };
+        let slope = slope.map_err(|error| match error {
+            NoLevel::NoRedundancy => NoBound::NoRedundancy,
+            NoLevel::Untestable { .. } => NoBound::Untestable,
+            NoLevel::NotFinite => NoBound::NotFinite,
+        })?;
         let places = self
             .independent_sigma_m
             .iter_mut()
@@ -497,11 +576,27 @@ impl SnapshotMonitor {
             *independent_m = row.sigma.independent_m;
             *common_m = row.sigma.common_m;
         }
-        let covariance = self.sensitivity.position_covariance(
+        if let Some(height) = height {
+            let places = (
+                self.independent_sigma_m.get_mut(height_row),
+                self.common_errors_m
+                    .first_mut()
+                    .and_then(|row| row.get_mut(height_row)),
+            );
+            if let (Some(independent_m), Some(common_m)) = places {
+                *independent_m = height.row.sigma_m;
+                *common_m = 0.0;
+            }
+        }
+        let mut covariance = self.sensitivity.position_covariance(
             self.workspace.model(),
             &self.independent_sigma_m,
             &self.common_errors_m,
         );
+        if height.is_some() {
+            // The height holds errors that its calibration shares with the satellites of now, with any sign.
+            covariance *= 2.0;
+        }
         let factors = self.factors.ok_or(NoBound::NotFinite)?;
         let [hpl_m, vpl_m] = factors.levels_m(&slope, &covariance);
         let variance_m2 = [covariance.m11, covariance.m22, covariance.m33];
@@ -586,6 +681,7 @@ mod tests {
             statistic: Some(1.0),
             threshold: Some(2.0),
             excluded: SatelliteSet::EMPTY,
+            height: None,
             hpl: ProtectionLevel::from_bound(hpl_m),
             vpl: ProtectionLevel::from_bound(vpl_m),
             residual_rms_m: None,

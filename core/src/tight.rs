@@ -19,11 +19,14 @@ use crate::ekf::navigator::{AntennaState, Navigator};
 use crate::frames::geodesy;
 use crate::gnss::solution::{SnapshotSolution, SnapshotWorkspace};
 use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
-use crate::ins::alignment::{AlignmentMode, CoarseAlignment};
+use crate::ins::alignment::{
+    AlignmentMode, CoarseAlignment, Magnetometer, MagnetometerError, Obstacle,
+};
+use crate::ins::horizon::Horizon;
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
-    AttitudeStart, ImuSample, InertialConfig, InertialConfigError, InitialState, ReferenceModel,
+    ImuSample, InertialConfig, InertialConfigError, InitialState, MagneticSample, ReferenceModel,
 };
 use crate::integrity::{InertialStatus, PhaseRequirements};
 use crate::mhss::bank::{Bank, BankRow, BankVerdict, Secondaries, SubFilters};
@@ -33,7 +36,10 @@ use crate::snapshot::Assessment;
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
+mod aids;
 mod clocks;
+mod earned;
+mod horizon;
 mod jump;
 mod loose;
 mod recording;
@@ -41,7 +47,9 @@ mod scenario;
 mod solution;
 mod start;
 
+use aids::Aids;
 use clocks::offset_of;
+use earned::Earned;
 use loose::Loose;
 use recording::RecordingBank;
 
@@ -103,15 +111,17 @@ const MAX_NIS_RATIO: f64 = 100.0;
 /// Longest time without a sample that the nominal is carried over to an epoch, ns: what the intake
 /// bridges.
 const MAX_LEAD_NS: i64 = 50_000_000;
-/// Epochs in a row that may come after samples that are later than they are, before the filter, which
-/// takes none of them, is given up.
+/// Epochs in a row that may come too late for the filter, before it, which takes none of them, is given up:
+/// so many at least, and for this long, ns.
 const MAX_LATE: u8 = 3;
+/// See [`MAX_LATE`].
+const MAX_LATE_NS: i64 = NS_PER_S;
+/// An epoch that lies farther back than this is not late but of another time, ns.
+const OF_ANOTHER_TIME_NS: i64 = 10 * NS_PER_S;
 /// Longest time for which a lost attitude is still about what it was, ns.
 const MAX_ATTITUDE_AGE_NS: i64 = 10 * NS_PER_S;
 /// A protection level is at least this many sigmas of the position.
 const LEVEL_SIGMAS: f64 = 4.0;
-/// Slowest course an attitude that was lost is found again by, m/s, where none is configured.
-const RESTART_SPEED_MPS: f64 = 2.0;
 /// One sigma of an attitude kept from before, about north, east, down, rad.
 const RESTART_SIGMA_NED_RAD: [f64; 3] = [0.1, 0.1, 0.3];
 /// What a rate may do unseen during a bridged sample, one sigma, rad/s, and a specific force, m/s².
@@ -177,6 +187,7 @@ pub struct TightMonitor {
     systems: [Option<usize>; System::ALL.len()],
     offset_is_known: [bool; CLOCKS],
     intake: Intake,
+    horizon: Horizon,
     alignment: CoarseAlignment,
     navigator: Navigator<CLOCKS, JOINT>,
     status: InertialStatus,
@@ -188,8 +199,9 @@ pub struct TightMonitor {
     quantiles: SeparationQuantiles,
     bank_verdict: Option<(GpsTime, BankVerdict)>,
     recording: RecordingBank,
-    /// Epochs in a row that came too late for the filter.
+    /// Epochs in a row that came too late for the filter, and the first of them.
     late: u8,
+    late_since: GpsTime,
     /// Attitude when tight mode ended, and when that was.
     last_attitude: Option<([f64; 4], GpsTime)>,
     /// Counters of the intake at the last epoch.
@@ -203,6 +215,11 @@ pub struct TightMonitor {
     remembered: Option<AntennaState<CLOCKS>>,
     /// Where the attitude that the filter started from came from.
     alignment_mode: AlignmentMode,
+    aids: Aids,
+    /// Why there is no attitude.
+    obstacle: Obstacle,
+    /// Whether the filter is believed.
+    earned: Earned,
     loose: Loose,
 }
 
@@ -216,6 +233,7 @@ impl TightMonitor {
         systems: [None; System::ALL.len()],
         offset_is_known: [false; CLOCKS],
         intake: Intake::EMPTY,
+        horizon: Horizon::EMPTY,
         alignment: CoarseAlignment::EMPTY,
         navigator: Navigator::EMPTY,
         status: InertialStatus::Off,
@@ -228,6 +246,7 @@ impl TightMonitor {
         bank_verdict: None,
         recording: RecordingBank::EMPTY,
         late: 0,
+        late_since: GpsTime::from_ns(0),
         last_attitude: None,
         counted: None,
         last_epoch: None,
@@ -235,6 +254,9 @@ impl TightMonitor {
         untold: None,
         remembered: None,
         alignment_mode: AlignmentMode::None,
+        aids: Aids::EMPTY,
+        obstacle: Obstacle::None,
+        earned: Earned::NOTHING,
         loose: Loose::OFF,
     };
 
@@ -253,7 +275,8 @@ impl TightMonitor {
                 .map_err(TightConfigureError::Stats)?;
         }
         self.intake.configure(inertial);
-        self.alignment.configure(&inertial.start);
+        self.horizon.restart();
+        self.alignment.configure(inertial);
         self.last_attitude = None;
         self.counted = None;
         self.last_epoch = None;
@@ -308,6 +331,7 @@ impl TightMonitor {
             .map_err(TightConfigureError::Stats)?;
         self.k_fault_free = self.quantiles.fault_free();
         self.reference = Some(*reference);
+        self.expect(None);
         Ok(())
     }
 
@@ -322,9 +346,42 @@ impl TightMonitor {
     }
 
     /// The same for the report of an epoch: the first to be made after tight mode ended says why it
-    /// did, whatever has become of it since.
+    /// did, whatever has become of it since. A filter that is not believed yet still aligns.
     pub(crate) fn tell(&mut self) -> InertialStatus {
-        self.untold.take().unwrap_or(self.status)
+        let status = match self.status {
+            InertialStatus::Running if !self.earned.is_earned() => InertialStatus::Aligning,
+            status => status,
+        };
+        self.untold.take().unwrap_or(status)
+    }
+
+    /// There is a magnetometer.
+    ///
+    /// # Errors
+    /// [`MagnetometerError`]; there is then none.
+    pub fn configure_magnetometer(
+        &mut self,
+        magnetometer: &Magnetometer,
+    ) -> Result<(), MagnetometerError> {
+        magnetometer.check()?;
+        self.alignment.set_magnetometer(magnetometer);
+        Ok(())
+    }
+
+    /// A sample of the magnetometer.
+    pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
+        if let Some(sample) = self.horizon.put_field(sample) {
+            self.take_field(&sample);
+        }
+    }
+
+    /// Why there is no attitude, or why the filter that has one is not believed.
+    pub const fn obstacle(&self) -> Obstacle {
+        match (self.is_running(), self.earned.is_earned()) {
+            (true, true) => Obstacle::None,
+            (true, false) => Obstacle::NotEarned,
+            (false, _) => self.obstacle,
+        }
     }
 
     /// Where the attitude that the filter started from came from.
@@ -350,8 +407,11 @@ impl TightMonitor {
     pub(crate) fn start(&mut self, state: &InitialState) {
         if let Some(config) = self.config {
             self.untold = None;
+            // What ends before the state is not carried on from it.
+            self.release(state.time);
             self.alignment_mode = AlignmentMode::Given;
             self.start_with(&config, state);
+            self.earned = Earned::start(AlignmentMode::Given, &[0.0; 3]);
         }
     }
 
@@ -361,6 +421,7 @@ impl TightMonitor {
         self.bank.restart();
         self.bank_verdict = None;
         self.recording.start();
+        self.aids.restart();
         self.late = 0;
         self.remembered = None;
         self.loose.start();
@@ -401,12 +462,14 @@ impl TightMonitor {
                 .scale_sigmas(factors.pseudorange, factors.range_rate);
         }
         let _ = self.prepare_clocks(&mut at, tested);
+        self.note_speed(tested);
         self.finish(&at)
     }
 
-    /// An epoch was due at `due` and the receiver gave none. The filter goes on without it.
+    /// An epoch was due at `due` and the receiver gave none. The filter goes on without it, to `until`.
     #[inline(never)]
-    pub(crate) fn on_silence(&mut self, due: GpsTime) -> Option<TightSolution> {
+    pub(crate) fn on_silence(&mut self, due: GpsTime, until: GpsTime) -> Option<TightSolution> {
+        self.release(until);
         let at = self.remembered.take().filter(|at| at.time == due)?;
         if !self.is_running() {
             return None;
@@ -418,8 +481,8 @@ impl TightMonitor {
     }
 
     /// Keeps where the antenna was when an epoch was due, for [`TightMonitor::on_silence`]; to be called
-    /// after every sample.
-    pub(crate) fn remember(&mut self, due: GpsTime) {
+    /// after every step.
+    fn remember(&mut self, due: GpsTime) {
         let passed_ns = self.navigator.time().ns().wrapping_sub(due.ns());
         if self.is_running()
             && (0..=MAX_LEAD_NS).contains(&passed_ns)
@@ -431,6 +494,7 @@ impl TightMonitor {
 
     /// Whether the nominal can be taken to an epoch.
     fn meets(&mut self, time: GpsTime) -> Option<()> {
+        self.release(time);
         self.look(time)?;
         if !self.is_running() {
             return None;
@@ -441,12 +505,11 @@ impl TightMonitor {
                 self.status = InertialStatus::Running;
                 Some(())
             }
-            Some(InertialStatus::EpochLate) if self.late < MAX_LATE => {
-                self.late = self.late.saturating_add(1);
-                self.status = InertialStatus::EpochLate;
-                None
-            }
             Some(InertialStatus::EpochLate) => {
+                if self.may_be_late(time) {
+                    self.status = InertialStatus::EpochLate;
+                    return None;
+                }
                 // Without a filter to be late for, the two are of different times.
                 self.missing = Some(InertialStatus::ImuTime);
                 self.lose(InertialStatus::ImuTime);
@@ -459,6 +522,17 @@ impl TightMonitor {
         }
     }
 
+    /// Counts an epoch that came too late; false when they have been too many for too long.
+    fn may_be_late(&mut self, time: GpsTime) -> bool {
+        if self.late == 0 {
+            self.late_since = time;
+        }
+        let since_ns = time.ns().saturating_sub(self.late_since.ns());
+        let is_allowed = self.late < MAX_LATE || (0..MAX_LATE_NS).contains(&since_ns);
+        self.late = self.late.saturating_add(1);
+        is_allowed
+    }
+
     /// Whether there are samples up to an epoch, and why not. `None` without an inertial unit.
     fn look(&mut self, time: GpsTime) -> Option<()> {
         let interval_ns = i64::from(self.config.as_ref()?.interval_ns);
@@ -468,7 +542,7 @@ impl TightMonitor {
         let newest = if self.is_running() {
             Some(self.navigator.time())
         } else {
-            self.intake.last_time()
+            self.horizon.reached()
         };
         let lead_ns = newest.map(|newest| time.ns().saturating_sub(newest.ns()));
         let since_epoch_ns = last_epoch.map(|last| time.ns().saturating_sub(last.ns()));
@@ -477,12 +551,18 @@ impl TightMonitor {
             let used_ns = i64::from(used).saturating_mul(interval_ns);
             used_ns > ns / 2 && lead_ns.is_some_and(|lead_ns| lead_ns > ns / 2)
         });
+        if lead_ns.is_some_and(|lead_ns| (-OF_ANOTHER_TIME_NS..-2 * interval_ns).contains(&lead_ns))
+        {
+            self.horizon.note_too_late();
+        }
         self.missing = match lead_ns {
             Some(lead_ns) if lead_ns < -2 * interval_ns && self.is_running() => {
                 Some(InertialStatus::EpochLate)
             }
             Some(lead_ns) if lead_ns < -2 * interval_ns => Some(InertialStatus::ImuTime),
             Some(lead_ns) if lead_ns <= MAX_LEAD_NS => None,
+            // All samples so far are of later instants, and wait for the next epoch.
+            None if self.horizon.held().next().is_some() => Some(InertialStatus::NoSample),
             // Most samples came, and are too old for the time that passed.
             _ if goes_on => Some(InertialStatus::ImuTime),
             _ => Some(silence(before, now)),
@@ -520,7 +600,12 @@ impl TightMonitor {
 
     /// It is `now` by a clock beside the samples': samples that are too old by it have stopped.
     pub(crate) fn hear_nothing(&mut self, now: GpsTime) {
-        let lead_ns = now.ns().saturating_sub(self.navigator.time().ns());
+        let nominal = self.navigator.time();
+        let newest = self
+            .intake
+            .last_time()
+            .map_or(nominal, |last| last.max(nominal));
+        let lead_ns = now.ns().saturating_sub(newest.ns());
         if self.is_running() && lead_ns > MAX_LEAD_NS {
             self.missing = Some(InertialStatus::ImuSilent);
             self.lose(InertialStatus::ImuSilent);
@@ -531,9 +616,11 @@ impl TightMonitor {
     pub(crate) fn shift(&mut self, by_ns: i64) {
         let shifted = |time: GpsTime| time.plus_ns(by_ns);
         self.intake.shift(by_ns);
+        self.horizon.shift(by_ns);
         self.navigator.shift(by_ns);
         self.bank.shift(by_ns);
         self.recording.shift(by_ns);
+        self.aids.shift(by_ns);
         self.loose.shift(by_ns);
         self.bank_verdict = None;
         self.alignment.restart();
@@ -556,15 +643,13 @@ impl TightMonitor {
     /// only.
     fn lose(&mut self, status: InertialStatus) {
         if self.is_running() {
-            // The attitude of a filter that went wrong is what may be wrong with it.
-            self.last_attitude = (status != InertialStatus::Unhealthy)
+            // The attitude of a filter that went wrong is what may be wrong with it, and that of one that
+            // was not believed yet is none to keep.
+            let is_unhealthy = status == InertialStatus::Unhealthy;
+            self.last_attitude = (!is_unhealthy && self.earned.is_earned())
                 .then_some((self.navigator.mechanisation().q_e_b, self.navigator.time()));
-            let min_speed_mps = match self.config.as_ref().map(|config| &config.start) {
-                Some(AttitudeStart::Course { min_speed_mps }) => *min_speed_mps,
-                _ => RESTART_SPEED_MPS,
-            };
-            self.alignment
-                .configure(&AttitudeStart::Course { min_speed_mps });
+            let by_field = self.alignment_mode == AlignmentMode::MagneticField;
+            self.alignment.resume(!(is_unhealthy && by_field));
         } else {
             self.alignment.restart();
         }
@@ -572,6 +657,20 @@ impl TightMonitor {
         self.untold.get_or_insert(status);
         self.diverged = 0;
         self.late = 0;
+        self.obstacle = Obstacle::None;
+        self.earned = Earned::NOTHING;
+    }
+
+    /// The units differ and nobody knows who is right: what rests on them ends.
+    pub(crate) fn distrust(&mut self) {
+        if self.config.is_some() {
+            self.lose(InertialStatus::ImuDisagree);
+        }
+    }
+
+    /// What is known of the unit.
+    pub(crate) const fn config(&self) -> Option<&InertialConfig> {
+        self.config.as_ref()
     }
 
     /// A sample of the inertial unit.
@@ -586,26 +685,23 @@ impl TightMonitor {
                 if self.status == InertialStatus::NoSample {
                     self.status = InertialStatus::Aligning;
                 }
-                if let Some(bridge) = &taken.bridge {
-                    self.step(&bridge.increment, taken.time.plus_ns(-taken.interval_ns));
-                    let gap_s = bridge.increment.dt_s;
-                    if self.is_running() {
-                        self.navigator
-                            .add_uncertainty(UNSEEN_RATE_RADPS * gap_s, UNSEEN_FORCE_MPS2 * gap_s);
-                    }
-                }
-                self.step(&taken.increment, taken.time);
+                self.hold(&taken);
             }
-            Err(fault) => self.lose(match fault {
-                IntakeFault::Silent { .. } => InertialStatus::ImuSilent,
-                IntakeFault::NotFinite { .. } => InertialStatus::ImuNotFinite,
-                IntakeFault::Saturated { .. } => InertialStatus::ImuSaturated,
-                IntakeFault::Time { .. } => InertialStatus::ImuTime,
-            }),
+            Err(fault) => {
+                self.release_all();
+                self.lose(match fault {
+                    IntakeFault::Silent { .. } => InertialStatus::ImuSilent,
+                    IntakeFault::NotFinite { .. } => InertialStatus::ImuNotFinite,
+                    IntakeFault::Saturated { .. } => InertialStatus::ImuSaturated,
+                    IntakeFault::Time { .. } => InertialStatus::ImuTime,
+                });
+                self.horizon.begin_at(self.intake.last_time());
+            }
         }
     }
 
     fn step(&mut self, increment: &Increment, time: GpsTime) {
+        self.aids.on_increment(increment);
         if self.is_running() {
             self.navigator.step(increment, time);
         } else {
@@ -635,7 +731,20 @@ impl TightMonitor {
                 }
             }
         }
-        let solution = self.navigator.update().ok().and_then(|summary| {
+        if self.reference.is_none() {
+            self.ask_aids();
+            if self.aids.information().rows() > 0 {
+                self.navigator
+                    .information_mut()
+                    .add(self.aids.information());
+            }
+        }
+        let summary = self.navigator.update_filter();
+        let correction = self.navigator.finish().ok();
+        if let Some(correction) = &correction {
+            self.rereference_aids(correction);
+        }
+        let solution = correction.and_then(|_| {
             let passed_ns = self.navigator.time().ns().wrapping_sub(at.time.ns());
             let told = if passed_ns > MAX_LEAD_NS {
                 *at

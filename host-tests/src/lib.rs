@@ -1,6 +1,8 @@
 //! Everything surefix does on a PC: replay, simulation, reports, and the tests of the core.
 
+pub mod aiding;
 pub mod araim;
+pub mod bridge;
 pub mod broadcast_encode;
 pub mod campaign;
 pub mod consistency;
@@ -8,9 +10,11 @@ pub mod faults;
 pub mod fixes;
 pub mod hybrid;
 pub mod imu;
+pub mod latency;
 pub mod mutate;
 pub mod nmea;
 pub mod output;
+pub mod parts;
 pub mod qemu;
 pub mod real_time;
 pub mod reference;

@@ -9,6 +9,7 @@ use std::process::ExitCode;
 use anyhow::{Context, Result, bail};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use surefix_core::ins::BarometerModel;
 use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::fixes::{FixOptions, Outage};
 use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
@@ -63,6 +64,10 @@ struct ReplayArguments {
     /// surefix's own frames
     #[arg(long, value_name = "FILE")]
     imu: Option<PathBuf>,
+    /// Recording of a barometer: CSV with the columns week, tow_s, pressure_pa, temperature_c; makes it an aid,
+    /// as section `[aids.barometer]` of the file of --config does with numbers of its own
+    #[arg(long, value_name = "FILE")]
+    barometer: Option<PathBuf>,
     /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, RTKLIB .pos,
     /// or UBX with NAV-PVT of resolved carrier-phase ambiguities. Without
     /// this, --at and --at-llh the position that the recording states for itself is the truth, if its
@@ -137,6 +142,10 @@ impl ReplayArguments {
         };
         let faults: Result<Vec<FaultSpec>, _> = self.fault.iter().map(|s| s.parse()).collect();
         let settings = self.settings.clone().over_file(self.config.as_ref())?;
+        let mut aids = settings.aids.unwrap_or_default().config()?;
+        if self.barometer.is_some() {
+            aids.barometer.get_or_insert(BarometerModel::PRESET);
+        }
         Ok(ReplayOptions {
             gnss: self.gnss.clone(),
             nav: self.nav.clone(),
@@ -144,6 +153,8 @@ impl ReplayArguments {
             config: settings.config()?,
             imu: self.imu.clone(),
             imu_settings: settings.imu,
+            aids,
+            barometer: self.barometer.clone(),
             faults: faults?,
             fixes: FixOptions {
                 geoid_m: self.geoid,

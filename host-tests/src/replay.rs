@@ -18,6 +18,7 @@ use surefix_core::bank_report::BankReport;
 use surefix_core::budget::NoCounter;
 use surefix_core::config::Config;
 use surefix_core::inertial_report::InertialReport;
+use surefix_core::ins::AidsConfig;
 use surefix_core::integrity::Integrity;
 use surefix_core::monitor::{Monitor, Ready};
 use surefix_core::report::{self, EpochReport};
@@ -27,6 +28,7 @@ use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
 use surefix_core::wire::counters::Counters;
 use surefix_core::wire::native::{self, Frame, FrameError, Kind};
 
+use crate::aiding;
 use crate::faults::FaultSpec;
 use crate::fixes::FixOptions;
 use crate::imu::{self, ImuSettings};
@@ -289,6 +291,10 @@ pub struct ReplayOptions {
     pub imu: Option<PathBuf>,
     /// What a configuration file says of it.
     pub imu_settings: Option<ImuSettings>,
+    /// The aids.
+    pub aids: AidsConfig,
+    /// Recording of a barometer.
+    pub barometer: Option<PathBuf>,
     /// Faults to put on it.
     pub faults: Vec<FaultSpec>,
     /// What to change of the receiver's own solutions.
@@ -309,6 +315,8 @@ impl ReplayOptions {
             config: Config::PRESET,
             imu: None,
             imu_settings: None,
+            aids: AidsConfig::NONE,
+            barometer: None,
             faults: Vec::new(),
             fixes: FixOptions::default(),
             seed: 1,
@@ -434,9 +442,16 @@ pub fn run(
         imu.as_ref(),
         &options.fixes,
     )?;
+    let pressures = options.barometer.as_deref().map(aiding::read).transpose()?;
+    let bytes = if options.aids == AidsConfig::NONE && pressures.is_none() {
+        stream.bytes
+    } else {
+        let pressures = pressures.unwrap_or_default();
+        aiding::with_aids(&stream.bytes, &options.config, &options.aids, &pressures)?
+    };
     let mut info = stream.info;
     if let Some(imu) = &imu {
-        info.imu_samples = imu.samples.len() as u64;
+        info.imu_samples = (imu.samples.len() + imu.unit_samples.len()) as u64;
         if imu.bad_lines > 0 {
             info.losses.insert("imu_bad_lines".into(), imu.bad_lines);
         }
@@ -446,7 +461,7 @@ pub fn run(
         Machine::Host => Box::new(HostExecutor),
         Machine::Qemu => Box::new(QemuExecutor::build()?),
     };
-    executor.run(&stream.bytes, &mut |piece| {
+    executor.run(&bytes, &mut |piece| {
         reader.push(piece);
         progress(&reader.reports, info.epochs);
     })?;

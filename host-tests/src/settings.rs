@@ -13,7 +13,8 @@
 //! max_exclusions = 2
 //! ```
 //!
-//! and a section `[imu]` for an inertial unit: docs/examples, `imu/settings.rs`.
+//! and sections `[imu]` for an inertial unit: docs/examples, `imu/settings.rs`, and `[aids]` for its aids:
+//! `aiding/settings.rs`.
 
 use std::path::{Path, PathBuf};
 
@@ -24,6 +25,7 @@ use surefix_core::gnss::System;
 use surefix_core::gnss::satellite::SystemSet;
 use surefix_core::integrity::Phase;
 
+use crate::aiding::AidsSettings;
 use crate::imu::ImuSettings;
 
 /// What can be set, from a file or from the command line.
@@ -57,6 +59,9 @@ pub struct Settings {
     /// The inertial unit.
     #[arg(skip)]
     pub imu: Option<ImuSettings>,
+    /// The aids.
+    #[arg(skip)]
+    pub aids: Option<AidsSettings>,
 }
 
 /// The element of a list of names, or a sentence that lists them.
@@ -103,6 +108,7 @@ impl Settings {
             reference_week: self.reference_week.or(file.reference_week),
             max_exclusions: self.max_exclusions.or(file.max_exclusions),
             imu: self.imu.or(file.imu),
+            aids: self.aids.or(file.aids),
         })
     }
 

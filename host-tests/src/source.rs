@@ -21,14 +21,15 @@ use surefix_core::config::Config;
 use surefix_core::gnss::klobuchar::KlobucharParameters;
 use surefix_core::gnss::{CorrectedEpoch, Ephemeris, ObservationEpoch};
 use surefix_core::ingest::{
-    Event, Ingest, MAX_EPOCH_BYTES, encode_configuration, encode_corrected_epoch,
+    Event, Ingest, MAX_EPOCH_BYTES, encode_aids, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
-    encode_klobuchar, encode_magnetic_field, encode_observations, encode_pressure,
-    encode_reference_model, encode_unit_sample,
+    encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
+    encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit,
+    encode_unit_sample,
 };
 use surefix_core::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    AidsConfig, ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer,
+    PressureSample, ReferenceModel, UnitConfig, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -37,7 +38,7 @@ use surefix_core::wire::{native, scanner, ubx};
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
 use crate::fixes::{self, FixOptions};
-use crate::imu::{self, Pending, Recorded};
+use crate::imu::{self, Measured, Pending, Recorded};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
 };
@@ -62,12 +63,20 @@ pub enum FilterInput {
     Unit(Box<InertialConfig>),
     /// An inertial sample.
     Sample(ImuSample),
+    /// What is known of the unit of a number, of those that vote.
+    VotingUnit(u8, Box<UnitConfig>),
     /// A sample of the unit of a number.
     UnitSample(u8, UnitSample),
+    /// The aids there are.
+    Aids(AidsConfig),
     /// A sample of a barometer.
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    Latency(u32),
+    /// What is known of a magnetometer.
+    Magnetometer(Box<Magnetometer>),
     /// A state to start from.
     State(Box<InitialState>),
     /// The requirements of a scenario.
@@ -428,16 +437,29 @@ fn decode_frames(
             Event::Inertial(unit) => {
                 items.push(Item::ForFilter(FilterInput::Unit(Box::new(unit))));
             }
+            Event::ReceiverLatency(latency_ns) => {
+                items.push(Item::ForFilter(FilterInput::Latency(latency_ns)));
+            }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
+            Event::Unit { unit, config } => {
+                items.push(Item::ForFilter(FilterInput::VotingUnit(
+                    unit,
+                    Box::new(config),
+                )));
+            }
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
             }
+            Event::Aids(aids) => items.push(Item::ForFilter(FilterInput::Aids(aids))),
             Event::Pressure(sample) => items.push(Item::ForFilter(FilterInput::Pressure(sample))),
             Event::MagneticField(sample) => {
                 items.push(Item::ForFilter(FilterInput::MagneticField(sample)));
             }
             Event::InitialState(state) => {
                 items.push(Item::ForFilter(FilterInput::State(Box::new(state))));
+            }
+            Event::Magnetometer(known) => {
+                items.push(Item::ForFilter(FilterInput::Magnetometer(Box::new(known))));
             }
             Event::ReferenceModel(model) => {
                 items.push(Item::ForFilter(FilterInput::Model(Box::new(model))));
@@ -476,6 +498,10 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 FilterInput::MagneticField(sample) => &mut sample.time,
                 // What has no time, or one that no receiver gave.
                 FilterInput::Unit(_)
+                | FilterInput::Aids(_)
+                | FilterInput::Latency(_)
+                | FilterInput::Magnetometer(_)
+                | FilterInput::VotingUnit(..)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -581,9 +607,13 @@ impl FrameWriter {
             Item::ForFilter(input) => self.append(|out| match input {
                 FilterInput::Unit(unit) => encode_inertial(&unit, out),
                 FilterInput::Sample(sample) => encode_imu(&sample, out),
+                FilterInput::VotingUnit(unit, config) => encode_unit(unit, &config, out),
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
+                FilterInput::Aids(aids) => encode_aids(&aids, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
                 FilterInput::MagneticField(sample) => encode_magnetic_field(&sample, out),
+                FilterInput::Latency(latency_ns) => encode_receiver_latency(latency_ns, out),
+                FilterInput::Magnetometer(known) => encode_magnetometer(&known, out),
                 FilterInput::State(state) => encode_initial_state(&state, out),
                 FilterInput::Model(model) => encode_reference_model(&model, out),
                 FilterInput::Corrected(epoch) => encode_corrected_epoch(&epoch, out),
@@ -610,6 +640,23 @@ fn two_units(gnss: &Path) -> anyhow::Error {
         "{} holds inertial samples itself: leave out --imu",
         gnss.display()
     )
+}
+
+/// Whether a stream has inertial samples of its own.
+fn is_sample(item: &Item) -> bool {
+    matches!(
+        item,
+        Item::ForFilter(FilterInput::Sample(_) | FilterInput::UnitSample(..))
+    )
+}
+
+impl From<Measured> for FilterInput {
+    fn from(measured: Measured) -> Self {
+        match measured {
+            Measured::Alone(sample) => Self::Sample(sample),
+            Measured::OfUnit(unit, sample) => Self::UnitSample(unit, sample),
+        }
+    }
 }
 
 /// Makes the bytes to send to a monitor; `imu` is what a unit measured meanwhile.
@@ -643,19 +690,32 @@ pub fn stream_with(
     let mut writer = FrameWriter::new(config, faults, seed)?;
     if let Some(imu) = imu {
         writer.append(|out| encode_inertial(&imu.unit, out));
+        if imu.receiver_latency_ns > 0 {
+            writer.append(|out| encode_receiver_latency(imu.receiver_latency_ns, out));
+        }
+        if let Some(magnetometer) = &imu.magnetometer {
+            writer.append(|out| encode_magnetometer(magnetometer, out));
+        }
+        for (unit, config) in &imu.units {
+            writer.append(|out| encode_unit(*unit, config, out));
+        }
     }
-    let mut pending = imu.map(|imu| Pending::new(&imu.samples));
+    let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));
+    let measured = imu.map(Recorded::measured);
+    let mut pending = measured.as_deref().map(Pending::new);
     let raw = fixes::read(gnss, config, fixes)?;
     let format = recognise(&raw, gnss)?;
     if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
         // As recorded; decoded beside that for the station's position and the number of epochs.
         let mut has_samples = false;
         let info = decode_bytes(raw.clone(), gnss, nav, config, &mut |item| {
-            has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+            has_samples |= is_sample(&item);
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
-            Some(pending) => imu::interleave(&raw, config, pending, &mut writer.bytes)?,
+            Some(pending) => {
+                imu::interleave(&raw, config, pending, |_| latency_ns, &mut writer.bytes)?;
+            }
             None => writer.bytes.extend_from_slice(&raw),
         }
         let is_padded = info.losses.contains_key("cut_off_frames");
@@ -672,11 +732,11 @@ pub fn stream_with(
     }
     let mut has_samples = false;
     let info = decode_bytes(raw, gnss, nav, config, &mut |item| {
-        has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+        has_samples |= is_sample(&item);
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
-            pending.release_until(epoch.time, flags.week_unknown, &mut |sample| {
-                writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+            pending.release_until(epoch.time, latency_ns, flags.week_unknown, &mut |sample| {
+                writer.write(Item::ForFilter((*sample).into()));
             });
         }
         writer.write(item);
@@ -692,7 +752,7 @@ pub fn stream_with(
             return Err(two_units(gnss));
         }
         pending.finish(&mut |sample| {
-            writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+            writer.write(Item::ForFilter((*sample).into()));
         })?;
     }
     writer.coverage.check()?;

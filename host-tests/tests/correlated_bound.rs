@@ -346,6 +346,10 @@ impl ExtraNoise for Recorder<'_> {
         extra
     }
 
+    fn unaided(&mut self, own: &OwnVariances) -> [[f64; 2]; 2] {
+        self.bound.unaided(own)
+    }
+
     fn pair(&self, base: usize, other: usize) -> [f64; 2] {
         self.bound.pair(base, other)
     }

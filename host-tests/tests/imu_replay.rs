@@ -111,7 +111,11 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
             .unwrap()
             .inertial_config()
             .unwrap(),
+        magnetometer: None,
         samples,
+        receiver_latency_ns: 0,
+        units: Vec::new(),
+        unit_samples: Vec::new(),
         bad_lines: 0,
     }
 }

@@ -470,3 +470,87 @@ fn a_drive_loses_its_satellites() {
         );
     }
 }
+
+/// Root mean square and mean of heading minus course of the track, degrees, where the track is at least this
+/// fast; and how many epochs that is.
+fn heading_against_course(
+    reports: &[EpochReport],
+    track: &Track,
+    min_speed_mps: f64,
+) -> (f64, f64, usize) {
+    let differences: Vec<f64> = reports
+        .iter()
+        .filter_map(|report| {
+            let [.., heading_deg] = report.navigation.as_ref()?.roll_pitch_heading_deg;
+            let (r_e, v_e) = track.state(report.time, 0.0);
+            let llh = geodesy::to_llh(&r_e).unwrap();
+            let v = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad) * v_e;
+            let course_deg = v.x.atan2(v.y).to_degrees();
+            (v.x.hypot(v.y) >= min_speed_mps)
+                .then(|| (heading_deg - course_deg + 540.0).rem_euclid(360.0) - 180.0)
+        })
+        .collect();
+    let mean = differences.iter().sum::<f64>() / differences.len() as f64;
+    (rms(differences.iter().copied()), mean, differences.len())
+}
+
+/// INT-100. From a cold start, no attitude given, the walk and the drive find theirs from the course as soon as they move
+/// fast enough; the heading then follows the course of the RTK track, and no usable epoch errs by more than its level.
+#[test]
+fn int_100_recordings_align_from_a_cold_start() {
+    let Some((walk_options, walk_track)) = walk() else {
+        return;
+    };
+    let Some((drive_options, hybrid)) = drive(FULL_SKY) else {
+        return;
+    };
+    let mut by_ubx = walk_options.clone();
+    by_ubx.gnss = shared("data/walk0827-x20p-imu/gnss_1730.ubx").unwrap();
+    by_ubx.nav = Vec::new();
+    println!(
+        "| recording | first position, s | fast enough, s | tight from, s | heading sigma then, ° | after a minute | heading minus course, mean, ° | rms | epochs | speed from, m/s |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    let cases = [
+        ("walk, RINEX", walk_options, &walk_track, 1.0),
+        ("walk, UBX", by_ubx, &walk_track, 1.0),
+        ("drive", drive_options, &hybrid.track, 3.0),
+    ];
+    for (name, options, track, min_speed_mps) in cases {
+        let result = replay::run(&options, &mut |_, _| {}).unwrap();
+        let first = result.reports.first().unwrap().time;
+        let since = |report: &EpochReport| report.time.seconds_since(first);
+        let with_position = result.reports.iter().find(|r| r.fix.is_some()).unwrap();
+        let fast = result.reports.iter().find(|report| {
+            let velocity = report.fix.and_then(|fix| fix.velocity_enu_mps);
+            velocity.is_some_and(|[e, n, _]| e.hypot(n) >= min_speed_mps)
+        });
+        let tight: Vec<EpochReport> = result
+            .reports
+            .iter()
+            .filter(|report| report.mode == Mode::Tight)
+            .copied()
+            .collect();
+        let start = tight.first().unwrap();
+        let sigma_deg = |at_s: f64| {
+            let report = tight.iter().find(|r| since(r) >= since(start) + at_s);
+            report.map_or(f64::NAN, |r| {
+                let [.., up_deg] = r.navigation.as_ref().unwrap().sigma_attitude_enu_deg;
+                up_deg
+            })
+        };
+        let (rms_deg, mean_deg, epochs) = heading_against_course(&tight, track, min_speed_mps);
+        println!(
+            "| {name} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {mean_deg:.1} | {rms_deg:.1} | {epochs} | {min_speed_mps} |",
+            since(with_position),
+            since(fast.unwrap()),
+            since(start),
+            sigma_deg(0.0),
+            sigma_deg(60.0),
+        );
+        never_beyond_the_level(&result, track);
+        // A window of a second, and the epoch after it.
+        assert!(since(start) <= since(fast.unwrap()) + 20.0, "{name}");
+        assert!(rms_deg < 30.0, "{name}: {rms_deg}");
+    }
+}

@@ -781,7 +781,7 @@ fn satellites_that_no_hypothesis_explains_enter_no_filter() {
     assert_tight_but(&rows, 0, 21 + RECOVERY - 1);
 }
 
-/// An epoch given later than the samples of its time.
+/// An epoch given later than the samples of its time by more than the filter's history. INT-126.
 #[test]
 fn epochs_that_come_late_are_assessed_alone_and_end_tight_mode_when_they_go_on() {
     for (count, ends) in [(1, false), (3, false), (10, true)] {
@@ -791,7 +791,7 @@ fn epochs_that_come_late_are_assessed_alone_and_end_tight_mode_when_they_go_on()
                 |input| matches!(input, Input::Epoch(epoch) if epoch.time == at(1000 * second)),
             );
             let late = inputs.remove(from.unwrap());
-            inputs.insert(from.unwrap() + 20, late);
+            inputs.insert(from.unwrap() + 45, late);
         }
         let rows = run(&unit(COURSE), &inputs);
         assert_eq!(rows.len() as i64, LENGTH_S + 1);

@@ -44,7 +44,7 @@ pub struct MeasurementRow<const M: usize> {
     pub pseudorange: [f64; M],
     /// Predicted minus measured pseudorange, m.
     pub innovation_m: f64,
-    /// 1/σ², 1/m².
+    /// 1/σ², 1/m²; 0 where none was measured.
     pub weight: f64,
     /// Derivatives of the range rate.
     pub range_rate: [f64; M],
@@ -121,6 +121,29 @@ impl<const M: usize> MeasurementRow<M> {
             row.innovation_mps = innovation;
             row.range_rate_weight = weight;
         }
+        Some(row)
+    }
+
+    /// A measurement of the antenna's velocity along a direction (ECEF, length 1), as an aid gives it:
+    /// `innovation_mps` predicted minus measured. No pseudorange, no clock.
+    ///
+    /// `None` where a number is none or sigma is not positive.
+    pub fn of_velocity(direction_e: [f64; 3], innovation_mps: f64, sigma_mps: f64) -> Option<Self> {
+        let range_rate_weight = 1.0 / (sigma_mps * sigma_mps);
+        let is_known = sigma_mps > 0.0
+            && range_rate_weight > 0.0
+            && range_rate_weight.is_finite()
+            && innovation_mps.is_finite()
+            && direction_e.iter().all(|entry| entry.is_finite());
+        if !is_known {
+            return None;
+        }
+        let mut row = Self {
+            innovation_mps,
+            range_rate_weight,
+            ..Self::ZERO
+        };
+        row.range_rate[3..JOINT_NAVIGATION].copy_from_slice(&direction_e);
         Some(row)
     }
 }
@@ -211,7 +234,8 @@ impl<const M: usize> EpochInformation<M> {
         }
         self.weighted_square +=
             innovation * row.innovation_m + rate_innovation * row.innovation_mps;
-        self.rows = self.rows.wrapping_add(1 + u32::from(rate_weight > 0.0));
+        let rows = u32::from(weight > 0.0) + u32::from(rate_weight > 0.0);
+        self.rows = self.rows.wrapping_add(rows);
     }
 
     /// A range rate's part of what velocity and drift know of themselves.

@@ -172,13 +172,17 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
     }
 
     fn lever(&self) -> LeverState {
+        self.lever_at(&self.mechanisation, self.omega_ib_b)
+    }
+
+    fn lever_at(&self, mechanisation: &Mechanisation, omega_ib_b: [f64; 3]) -> LeverState {
         if self.lever_arm_b_m == [0.0; 3] {
             return LeverState::ZERO;
         }
         LeverState::new(
             self.lever_arm_b_m,
-            &block(&rotation::to_matrix(&self.mechanisation.q_e_b)),
-            self.omega_ib_b,
+            &block(&rotation::to_matrix(&mechanisation.q_e_b)),
+            omega_ib_b,
             OMEGA_EARTH_WGS84_RADPS,
         )
     }
@@ -232,18 +236,48 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         let r = self.mechanisation.r_eb_e
             + Vector3::from(lever.arm_e_m)
             + (v + self.acceleration_e * (0.5 * dt)) * dt;
-        let mut clock = self.clock;
-        let drift = clock.get(CLOCK_DRIFT).copied().unwrap_or(0.0);
-        if let Some(bias) = clock.get_mut(CLOCK_BIAS) {
-            *bias += drift * time.seconds_since(self.clock_time);
-        }
         AntennaState {
             time,
             r_e_m: r.into(),
             v_e_mps: (v + self.acceleration_e * dt).into(),
             q_e_b: rotation::with_positive_scalar(&self.mechanisation.q_e_b),
-            clock,
+            clock: self.clock_at(time),
         }
+    }
+
+    /// The antenna after these increments, each with its end, which follow those that the nominal was
+    /// carried over. The nominal stays where it is.
+    pub fn carried_over<'a>(
+        &self,
+        increments: impl Iterator<Item = (&'a Increment, GpsTime)>,
+    ) -> AntennaState<K> {
+        let mut mechanisation = self.mechanisation;
+        let (mut time, mut omega_ib_b) = (self.time, self.omega_ib_b);
+        for (increment, end) in increments {
+            let step = mechanisation.step(increment);
+            if increment.dt_s > 0.0 {
+                omega_ib_b = step.omega_ib_b.into();
+                time = end;
+            }
+        }
+        let lever = self.lever_at(&mechanisation, omega_ib_b);
+        AntennaState {
+            time,
+            r_e_m: (mechanisation.r_eb_e + Vector3::from(lever.arm_e_m)).into(),
+            v_e_mps: (mechanisation.v_eb_e + Vector3::from(lever.arm_rate_e_mps)).into(),
+            q_e_b: rotation::with_positive_scalar(&mechanisation.q_e_b),
+            clock: self.clock_at(time),
+        }
+    }
+
+    /// The clock states at a time near the nominal's: the bias by its drift.
+    fn clock_at(&self, time: GpsTime) -> [f64; K] {
+        let mut clock = self.clock;
+        let drift = clock.get(CLOCK_DRIFT).copied().unwrap_or(0.0);
+        if let Some(bias) = clock.get_mut(CLOCK_BIAS) {
+            *bias += drift * time.seconds_since(self.clock_time);
+        }
+        clock
     }
 
     /// First half of an epoch: the filter and the clocks come to the time of the nominal. Gives the

@@ -81,6 +81,21 @@ impl Normals {
         sums.right += weight * value;
     }
 
+    /// Adds a row without a clock: value = direction·x + error.
+    pub fn add_position(&mut self, [dx, dy, dz]: [f64; 3], value: f64, weight: f64) {
+        let [wx, wy, wz] = [weight * dx, weight * dy, weight * dz];
+        let [xx, xy, xz, yy, yz, zz] = &mut self.position;
+        *xx += wx * dx;
+        *xy += wx * dy;
+        *xz += wx * dz;
+        *yy += wy * dy;
+        *yz += wy * dz;
+        *zz += wz * dz;
+        for (right, weighted) in self.position_right.iter_mut().zip([wx, wy, wz]) {
+            *right += weighted * value;
+        }
+    }
+
     /// The weighted least-squares estimate, or `None` when the rows leave a direction undetermined.
     pub fn solve(&self) -> Option<Estimate> {
         let [mut xx, mut xy, mut xz, mut yy, mut yz, mut zz] = self.position;
@@ -128,6 +143,24 @@ impl Normals {
             }),
         })
     }
+
+    /// Covariance of the position, or the velocity, in the units of the weights: the solutions for unit
+    /// right-hand sides. `None` as with [`Normals::solve`].
+    pub fn covariance(&self) -> Option<[[f64; 3]; 3]> {
+        let mut unit = *self;
+        for sums in &mut unit.clocks {
+            sums.right = 0.0;
+        }
+        let mut columns = [[0.0; 3]; 3];
+        for (axis, column) in columns.iter_mut().enumerate() {
+            unit.position_right = [0.0; 3];
+            if let Some(right) = unit.position_right.get_mut(axis) {
+                *right = 1.0;
+            }
+            *column = unit.solve()?.position;
+        }
+        Some(columns)
+    }
 }
 
 #[cfg(test)]
@@ -162,6 +195,22 @@ mod tests {
         assert!((estimate.clocks[0].unwrap() - b[0]).abs() < 1e-8);
         assert_eq!(estimate.clocks[1], None);
         assert!((estimate.clocks[2].unwrap() - b[2]).abs() < 1e-8);
+    }
+
+    #[test]
+    fn a_height_takes_the_place_of_a_satellite() {
+        let (x, b) = ([120.0, -33.0, 7.5], [3.0e5, 0.0, 0.0]);
+        let mut normals = Normals::ZERO;
+        for (u, _) in DIRECTIONS.into_iter().take(3) {
+            normals.add(u, 0, row_value(u, 0, x, b), 1.0);
+        }
+        assert_eq!(normals.solve(), None);
+        normals.add_position([0.0, 0.0, 1.0], x[2], 0.5);
+        let estimate = normals.solve().unwrap();
+        for (found, put_in) in estimate.position.iter().zip(x) {
+            assert!((found - put_in).abs() < 1e-8);
+        }
+        assert!((estimate.clocks[0].unwrap() - b[0]).abs() < 1e-8);
     }
 
     #[test]

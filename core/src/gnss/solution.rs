@@ -38,6 +38,10 @@ use crate::frames::geodesy;
 use crate::linalg::LinearModel;
 use crate::time::GpsTime;
 
+mod height;
+
+pub use height::HeightRow;
+
 pub use super::measurement::{SATELLITE_REASONS, SatelliteReason};
 
 /// Newton steps from the centre of the Earth: five to seven bring any place on it within a metre;
@@ -146,6 +150,10 @@ pub struct SnapshotWorkspace {
     /// Where `Row::sky` was computed.
     sky_at: Option<[f64; 3]>,
     model: LinearModel,
+    /// A height of the antenna from elsewhere.
+    height: Option<HeightRow>,
+    /// Whether it takes part in the solution.
+    uses_height: bool,
 }
 
 fn length_m(r: Vector3<f64>) -> f64 {
@@ -173,6 +181,8 @@ impl SnapshotWorkspace {
         refused: Vec::new(),
         sky_at: None,
         model: LinearModel::EMPTY,
+        height: None,
+        uses_height: false,
     };
 
     /// Takes in an epoch: chooses signals and ephemerides and computes every satellite once.
@@ -193,6 +203,7 @@ impl SnapshotWorkspace {
         self.sky_at = None;
         self.model.n = 0;
         self.model.m = 0;
+        self.uses_height = false;
         let ionosphere_free = config.ionosphere == IonosphereModel::IonosphereFree;
         for observation in &epoch.satellites {
             self.n_observed = self.n_observed.saturating_add(1);
@@ -486,7 +497,8 @@ impl SnapshotWorkspace {
                 unknowns += 1;
             }
         }
-        if satellites < unknowns || satellites == 0 {
+        self.choose_height(masked, satellites, unknowns);
+        if satellites + u8::from(self.uses_height) < unknowns || satellites == 0 {
             return Err(SnapshotError::TooFewSatellites {
                 satellites,
                 unknowns,
@@ -518,6 +530,7 @@ impl SnapshotWorkspace {
                     1.0 / (sigma_m * sigma_m),
                 );
             }
+            self.add_height(&mut normals, *r_e);
             let estimate = normals.solve().ok_or(SnapshotError::BadGeometry)?;
             for (coordinate, change) in r_e.iter_mut().zip(estimate.position) {
                 *coordinate += change;
@@ -532,8 +545,8 @@ impl SnapshotWorkspace {
         Err(SnapshotError::NoConvergence)
     }
 
-    /// Velocity and receiver clock drift from the range rates of the rows used.
-    fn velocity(&self) -> Option<(Vector3<f64>, f64)> {
+    /// The range rates of the rows used, as normal equations; `None` with fewer than four.
+    fn rate_normals(&self) -> Option<Normals> {
         let mut normals = Normals::ZERO;
         let mut rates = 0;
         let r_e = self.sky_at?;
@@ -550,14 +563,27 @@ impl SnapshotWorkspace {
             normals.add(scaled, 0, value_mps, 1.0 / (sigma_mps * sigma_mps));
             rates += 1;
         }
-        if rates < 4 {
-            return None;
-        }
-        let estimate = normals.solve()?;
+        (rates >= 4).then_some(normals)
+    }
+
+    /// Velocity and receiver clock drift from the range rates of the rows used.
+    fn velocity(&self) -> Option<(Vector3<f64>, f64)> {
+        let estimate = self.rate_normals()?.solve()?;
         Some((
             Vector3::from(estimate.position),
             estimate.clocks.first().copied().flatten()?,
         ))
+    }
+
+    /// One sigma of the velocity east, north, up by the model of the range rates, m/s; `None` where there is
+    /// none.
+    pub fn velocity_sigma_enu_mps(&self) -> Option<[f64; 3]> {
+        let r_e = self.sky_at?;
+        let llh = geodesy::to_llh(&Vector3::from(r_e)).ok()?;
+        let covariance = Matrix3::from(self.rate_normals()?.covariance()?);
+        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
+        let [[e, ..], [_, n, _], [.., u]] = (c_enu_e * covariance * c_enu_e.transpose()).into();
+        Some([libm::sqrt(e), libm::sqrt(n), libm::sqrt(u)])
     }
 
     #[inline(never)]
@@ -578,6 +604,7 @@ impl SnapshotWorkspace {
             }
         }
         self.write_model(&c_enu_e, &settled.last);
+        self.write_height(llh.height_m);
         let velocity = self.velocity();
         Ok(SnapshotSolution {
             r_e_m: r_e,

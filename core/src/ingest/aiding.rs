@@ -1,11 +1,15 @@
-//! Payloads of samples of several inertial units, of a barometer, of a magnetometer.
+//! Payloads of samples of several inertial units, of a barometer, of a magnetometer, and of what is known of
+//! the aids.
 //!
 //! Layouts: docs/native-frame.md. As in `inertial.rs` the increments of a sample may be no numbers;
 //! those of the other sensors are within what the atmosphere and the Earth's field can be.
 
 use super::inertial::{decode_imu_fields, put_imu_fields};
 use super::payload::{PayloadError, between, end, time, within};
-use crate::ins::{MAX_UNITS, MagneticSample, PressureSample, UnitSample};
+use crate::ins::{
+    AidsConfig, BarometerModel, MAX_UNITS, MagneticSample, PressureSample, UnitSample,
+    ZeroVelocityModel,
+};
 use crate::wire::native::{self, Full, HEADER_LEN, Kind, Reader, TRAILER_LEN};
 
 /// Bytes of a frame with one sample of one of several units.
@@ -110,6 +114,93 @@ pub fn decode_pressure(payload: &[u8]) -> Result<PressureSample, PayloadError> {
     };
     end(&r)?;
     Ok(sample)
+}
+
+const HAS_BAROMETER: u8 = 1;
+const HAS_ZERO_VELOCITY: u8 = 2;
+
+/// Writes the aids there are as a frame. Illegal ones are written and refused when read.
+///
+/// # Errors
+/// [`Full`] when `out` is too short.
+pub fn encode_aids(aids: &AidsConfig, out: &mut [u8]) -> Result<usize, Full> {
+    let barometer = aids.barometer.map_or([0.0; 4], |barometer| {
+        let BarometerModel {
+            sigma_m,
+            drift_mps,
+            scale,
+            memory_s,
+        } = barometer;
+        [sigma_m, drift_mps, scale, memory_s]
+    });
+    let zero_velocity = aids.zero_velocity.map_or([0.0; 3], |still| {
+        let ZeroVelocityModel {
+            sigma_mps,
+            force_spread_mps2,
+            rate_spread_radps,
+        } = still;
+        [sigma_mps, force_spread_mps2, rate_spread_radps]
+    });
+    native::encode(Kind::Aids, out, |w| {
+        let mut flags = 0;
+        if aids.barometer.is_some() {
+            flags |= HAS_BAROMETER;
+        }
+        if aids.zero_velocity.is_some() {
+            flags |= HAS_ZERO_VELOCITY;
+        }
+        w.put_u8(flags)?;
+        barometer
+            .iter()
+            .chain(&zero_velocity)
+            .try_for_each(|value| w.put_f64(*value))
+    })
+}
+
+/// Reads the aids there are; what comes out passed [`AidsConfig::check`].
+///
+/// # Errors
+/// [`PayloadError`]: wrong length, flags that are none, numbers of an aid that is not there, with
+/// [`PayloadError::Configuration`] where the check refuses.
+pub fn decode_aids(payload: &[u8]) -> Result<AidsConfig, PayloadError> {
+    let mut r = Reader::new(payload);
+    let flags = r.u8()?;
+    if flags & !(HAS_BAROMETER | HAS_ZERO_VELOCITY) != 0 {
+        return Err(PayloadError::Choice { number: flags });
+    }
+    let [sigma_m, drift_mps, scale, memory_s] = [r.f64()?, r.f64()?, r.f64()?, r.f64()?];
+    let [sigma_mps, force_spread_mps2, rate_spread_radps] = [r.f64()?, r.f64()?, r.f64()?];
+    end(&r)?;
+    let barometer = [sigma_m, drift_mps, scale, memory_s];
+    let zero_velocity = [sigma_mps, force_spread_mps2, rate_spread_radps];
+    for (bit, values) in [
+        (HAS_BAROMETER, barometer.as_slice()),
+        (HAS_ZERO_VELOCITY, zero_velocity.as_slice()),
+    ] {
+        // Room for what is not there, and nothing else.
+        if flags & bit == 0
+            && let Some(value) = values.iter().find(|value| value.to_bits() != 0)
+        {
+            return Err(PayloadError::OutOfRange { value: *value });
+        }
+    }
+    let aids = AidsConfig {
+        barometer: (flags & HAS_BAROMETER != 0).then_some(BarometerModel {
+            sigma_m,
+            drift_mps,
+            scale,
+            memory_s,
+        }),
+        zero_velocity: (flags & HAS_ZERO_VELOCITY != 0).then_some(ZeroVelocityModel {
+            sigma_mps,
+            force_spread_mps2,
+            rate_spread_radps,
+        }),
+    };
+    match aids.check() {
+        Ok(()) => Ok(aids),
+        Err(_) => Err(PayloadError::Configuration),
+    }
 }
 
 /// Writes a sample of a magnetometer as a frame.

@@ -1,16 +1,19 @@
 //! Messages to epochs.
 
-use super::aiding::{decode_magnetic_field, decode_pressure, decode_unit_sample};
+use super::aiding::{decode_aids, decode_magnetic_field, decode_pressure, decode_unit_sample};
 use super::convert::{self, NoObservation};
 use super::corrected::CorrectedAssembler;
 use super::inertial::{
     CorrectedGroup, decode_imu, decode_inertial, decode_initial_state, decode_reference_model,
 };
+use super::latency::decode_receiver_latency;
+use super::magnetometer::decode_magnetometer;
 use super::payload::{
     ObservationGroup, decode_configuration, decode_end_of_stream, decode_ephemeris,
     decode_klobuchar,
 };
 use super::receiver_fix::{decode_receiver_fix, receiver_fix};
+use super::units::decode_unit;
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
@@ -597,6 +600,10 @@ impl Assembler {
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::Imu(sample))
             }
+            Some(Kind::Unit) => {
+                let (unit, config) = decode_unit(frame.payload())?;
+                Outcome::UsedGives(Event::Unit { unit, config })
+            }
             Some(Kind::UnitSample) => {
                 let (unit, mut sample) = decode_unit_sample(frame.payload())?;
                 count(&mut counters.imu_samples);
@@ -612,6 +619,13 @@ impl Assembler {
                 let mut sample = decode_magnetic_field(frame.payload())?;
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::MagneticField(sample))
+            }
+            Some(Kind::Aids) => Outcome::UsedGives(Event::Aids(decode_aids(frame.payload())?)),
+            Some(Kind::ReceiverLatency) => Outcome::UsedGives(Event::ReceiverLatency(
+                decode_receiver_latency(frame.payload())?,
+            )),
+            Some(Kind::Magnetometer) => {
+                Outcome::UsedGives(Event::Magnetometer(decode_magnetometer(frame.payload())?))
             }
             Some(Kind::InitialState) => {
                 Outcome::UsedGives(Event::InitialState(decode_initial_state(frame.payload())?))

@@ -35,6 +35,9 @@ const HAS_RANGE_RATE: u8 = 1;
 
 const START_COURSE: u8 = 0;
 const START_GIVEN: u8 = 1;
+const START_GYROCOMPASS: u8 = 2;
+const START_MAGNETIC_FIELD: u8 = 3;
+const START_AUTOMATIC: u8 = 4;
 
 const DETECT_VERTICAL: u8 = 1;
 const EXCLUDE: u8 = 2;
@@ -62,7 +65,7 @@ fn three(r: &mut Reader<'_>, limit: f64) -> Result<[f64; 3], PayloadError> {
     ])
 }
 
-fn finite<const N: usize>(r: &mut Reader<'_>) -> Result<[f64; N], PayloadError> {
+pub(super) fn finite<const N: usize>(r: &mut Reader<'_>) -> Result<[f64; N], PayloadError> {
     let mut values = [0.0; N];
     for value in &mut values {
         *value = r.f64()?;
@@ -70,7 +73,19 @@ fn finite<const N: usize>(r: &mut Reader<'_>) -> Result<[f64; N], PayloadError> 
     Ok(values)
 }
 
-fn put_all(w: &mut Writer<'_>, values: &[f64]) -> Result<(), Full> {
+/// Room for the angles of an attitude that is given, and nothing else.
+fn unused(r: &mut Reader<'_>, count: usize) -> Result<(), PayloadError> {
+    for _ in 0..count {
+        let bits = r.u64()?;
+        if bits != 0 {
+            let value = f64::from_bits(bits);
+            return Err(PayloadError::OutOfRange { value });
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn put_all(w: &mut Writer<'_>, values: &[f64]) -> Result<(), Full> {
     values.iter().try_for_each(|value| w.put_f64(*value))
 }
 
@@ -162,6 +177,23 @@ pub fn encode_inertial(config: &InertialConfig, out: &mut [u8]) -> Result<usize,
                 w.put_u8(START_GIVEN)?;
                 put_all(w, roll_pitch_heading_rad)?;
             }
+            AttitudeStart::Gyrocompass {
+                max_heading_sigma_rad,
+            } => {
+                w.put_u8(START_GYROCOMPASS)?;
+                put_all(w, &[*max_heading_sigma_rad, 0.0, 0.0])?;
+            }
+            AttitudeStart::MagneticField => {
+                w.put_u8(START_MAGNETIC_FIELD)?;
+                put_all(w, &[0.0; 3])?;
+            }
+            AttitudeStart::Automatic {
+                min_speed_mps,
+                max_heading_sigma_rad,
+            } => {
+                w.put_u8(START_AUTOMATIC)?;
+                put_all(w, &[*min_speed_mps, *max_heading_sigma_rad, 0.0])?;
+            }
         }
         for row in c_b_s {
             put_all(w, row)?;
@@ -210,15 +242,28 @@ pub fn decode_inertial(payload: &[u8]) -> Result<InertialConfig, PayloadError> {
     let start = match r.u8()? {
         START_COURSE => {
             let min_speed_mps = between(r.f64()?, 0.0, MAX_VELOCITY_MPS)?;
-            for _ in 0..2 {
-                // Room for the angles, and nothing else.
-                let bits = r.u64()?;
-                if bits != 0 {
-                    let value = f64::from_bits(bits);
-                    return Err(PayloadError::OutOfRange { value });
-                }
-            }
+            unused(&mut r, 2)?;
             AttitudeStart::Course { min_speed_mps }
+        }
+        START_GYROCOMPASS => {
+            let [max_heading_sigma_rad] = finite(&mut r)?;
+            unused(&mut r, 2)?;
+            AttitudeStart::Gyrocompass {
+                max_heading_sigma_rad,
+            }
+        }
+        START_MAGNETIC_FIELD => {
+            unused(&mut r, 3)?;
+            AttitudeStart::MagneticField
+        }
+        START_AUTOMATIC => {
+            let min_speed_mps = between(r.f64()?, 0.0, MAX_VELOCITY_MPS)?;
+            let [max_heading_sigma_rad] = finite(&mut r)?;
+            unused(&mut r, 1)?;
+            AttitudeStart::Automatic {
+                min_speed_mps,
+                max_heading_sigma_rad,
+            }
         }
         START_GIVEN => AttitudeStart::Given {
             roll_pitch_heading_rad: three(&mut r, core::f64::consts::TAU)?,

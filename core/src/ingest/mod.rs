@@ -13,21 +13,26 @@ mod assembler;
 mod convert;
 mod corrected;
 mod inertial;
+mod latency;
+mod magnetometer;
 mod payload;
 mod receiver_fix;
+mod units;
 mod week;
 
 use assembler::{Assembler, Outcome};
 
 pub use aiding::{
-    UNIT_SAMPLE_FRAME_LENGTH, decode_magnetic_field, decode_pressure, decode_unit_sample,
-    encode_magnetic_field, encode_pressure, encode_unit_sample,
+    UNIT_SAMPLE_FRAME_LENGTH, decode_aids, decode_magnetic_field, decode_pressure,
+    decode_unit_sample, encode_aids, encode_magnetic_field, encode_pressure, encode_unit_sample,
 };
 pub use inertial::{
     CorrectedGroup, IMU_FRAME_LENGTH, MAX_CORRECTED_EPOCH_BYTES, decode_imu, decode_inertial,
     decode_initial_state, decode_reference_model, encode_corrected_epoch, encode_imu,
     encode_inertial, encode_initial_state, encode_reference_model,
 };
+pub use latency::{decode_receiver_latency, encode_receiver_latency};
+pub use magnetometer::{decode_magnetometer, encode_magnetometer};
 pub use payload::{
     MAX_EPOCH_BYTES, MAX_WEEK, ObservationGroup, PayloadError, decode_configuration,
     decode_ephemeris, decode_klobuchar, encode_configuration, encode_end_of_stream,
@@ -37,11 +42,13 @@ pub use receiver_fix::{
     RECEIVER_FIX_FRAME_LENGTH, decode_receiver_fix, encode_receiver_fix, receiver_fix,
 };
 
+pub use units::{UNIT_FRAME_LENGTH, decode_unit, encode_unit};
+
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch, ReceiverFix};
 use crate::ins::{
-    ImuSample, InertialConfig, InitialState, MagneticSample, PressureSample, ReferenceModel,
-    UnitSample,
+    AidsConfig, ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer,
+    PressureSample, ReferenceModel, UnitConfig, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -70,6 +77,13 @@ pub enum Event {
     Inertial(InertialConfig),
     /// An inertial sample. Its increments may be no numbers.
     Imu(ImuSample),
+    /// What is known of the inertial unit of this number, checked.
+    Unit {
+        /// Number of the unit, below [`crate::ins::MAX_UNITS`].
+        unit: u8,
+        /// What is known of it.
+        config: UnitConfig,
+    },
     /// A sample of the inertial unit of this number. Its increments may be no numbers.
     UnitSample {
         /// Number of the unit, below [`crate::ins::MAX_UNITS`].
@@ -77,10 +91,16 @@ pub enum Event {
         /// The sample.
         sample: UnitSample,
     },
+    /// The aids there are, checked.
+    Aids(AidsConfig),
     /// A sample of a barometer.
     Pressure(PressureSample),
     /// A sample of a magnetometer.
     MagneticField(MagneticSample),
+    /// How long after its instant an epoch arrives at the least, ns.
+    ReceiverLatency(u32),
+    /// What is known of a magnetometer, checked.
+    Magnetometer(Magnetometer),
     /// A state to start from.
     InitialState(InitialState),
     /// The requirements of a scenario, to be run by the reference model.
@@ -159,6 +179,11 @@ impl Ingest {
     /// What arrived and what was lost.
     pub const fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// Bytes taken from which nothing has followed yet: the frame that is not complete.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.scanner.bytes_in_hand()
     }
 
     /// Tells the week the user gave.

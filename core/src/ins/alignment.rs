@@ -1,101 +1,94 @@
-//! Coarse initial attitude: given, or from the specific force and the course over ground.
+//! Coarse initial attitude: given, from the course over ground, the rotation of the Earth, or the magnetic
+//! field; with its accuracy, or why there is none.
 //!
-//! In: increments as they come, and at an epoch the receiver's position and velocity. Out: the
-//! rotation from body to ECEF, or why it is not known yet.
+//! In: increments and magnetic samples as they come, and at an epoch the receiver's position and velocity.
+//! Out: the rotation from body to ECEF with one sigma about north, east, down.
 //!
-//! | symbol | code          | shape | unit | frame | meaning                                          |
-//! |--------|---------------|-------|------|-------|--------------------------------------------------|
-//! | f      | `force_b`     | 3     | m/s² | b     | mean specific force of the window, in the body axes of its end |
-//! | f      | `force_h`     | 3     | m/s² | h     | the same by the receiver: v̇ + 2ω×v − g           |
-//! | h      |               |       |      |       | forward (along the course), right, down; level   |
-//! | φ, θ, ψ| `roll`, `pitch`, `heading` | | rad |   | ψ is the course over ground                      |
+//! | symbol | code                | shape | unit  | frame | meaning                                     |
+//! |--------|---------------------|-------|-------|-------|---------------------------------------------|
+//! | f      | `force_b`, `force_n`| 3     | m/s²  | b, n  | mean specific force: of the unit in the axes of the end of its window, and v̇ + 2ω×v − g by the receiver |
+//! | T      | `window_s`          |       | s     |       | length of the window                        |
+//! | b_a, b_g | `accel_bias_mps2`, `gyro_bias_radps` | | | | one sigma of the biases                     |
+//! | N_a, N_g | `noise.vrw`, `noise.arw` |  |       |       | velocity and angle random walk              |
+//! | σ_v    | `sigma_enu_mps`     | 3     | m/s   | enu   | one sigma of the receiver's velocity        |
+//! | σ_s    | `allowance_ned_rad` | 3     | rad   | n     | configured: side-slip, vibration            |
 //!
-//! The window is the time between two epochs at least [`MIN_WINDOW_NS`] apart. Turning within it is
-//! followed by the gyroscopes, so that the vehicle may manoeuvre. With ψ known, f_b = C_1(φ) C_2(θ) f_h
-//! has two unknowns: its first row gives θ, the other two give φ. Standing still this is levelling,
-//! [GROVES-2013] chapter 5; the accelerated form is derived here. Keys: docs/references.md.
-//! Accuracy, one sigma: roll and pitch, the accelerometer's bias over g and the receiver's velocity
-//! noise · √2 / (9.8 m/s² · window): 5 mrad for 5 mg, 7 mrad for 0.05 m/s and a second; heading, the
-//! velocity noise across the course over the speed (10 mrad at 5 m/s) plus the angle of drift or
-//! sideslip, which a course does not show. Gyroscope biases matter little: 0.01 rad/s turns half of
-//! 0.01 rad in a second.
-//! Assumes: the vehicle moves where it points.
+//! | mode | needs | roll and pitch, σ_l | heading, σ_ψ |
+//! |---|---|---|---|
+//! | given | | as configured | as configured |
+//! | course | motion, window between two epochs | [b_a ⊕ N_a/√T ⊕ √2 σ_v/T ⊕ g b_g T/2]/f ⊕ σ_ψ f_h/f ⊕ σ_s | σ_v across the course/speed ⊕ σ_s |
+//! | gyrocompass | rest ([`MIN_GYROCOMPASS_S`] at least) | [b_a ⊕ N_a/√T]/g | [b_g ⊕ N_g/√T]/(Ω cos φ) ⊕ σ_l tan φ |
+//! | magnetic field | rest or motion | as at rest, or as with the course | σ_m/(F cos I) ⊕ σ_l tan I ⊕ σ_D |
+//!
+//! ⊕ is the root of the sum of squares, f_h the horizontal part of f. Turning within a window between epochs is followed by the
+//! gyroscopes, so that the vehicle may manoeuvre. The walk of a bias adds the mean that it has over T. The
+//! heading of a gyrocompass is that of a triad ([`vectors`]) of gravity and the rotation of the Earth:
+//! [GROVES-2013] chapter 5 has the same attitude in another form; all sigmas are derived here
+//! (docs/decisions/016-alignment.md). Keys: docs/references.md.
+//! Assumes: at rest the unit does not turn but for what [`rest`] can see. Modes that are allowed are tried in
+//! the order course, gyrocompass, magnetic field: the first that has an answer gives it.
 
-use super::{AttitudeStart, Increment};
+mod course;
+mod magnetometer;
+mod outcome;
+mod rest;
+mod vectors;
+
+use super::{AttitudeStart, Increment, InertialConfig, InertialNoise, MagneticSample};
 use crate::consts::OMEGA_EARTH_WGS84_RADPS as OMEGA;
-use crate::frames::geodesy::{GeodesyError, to_llh};
+use crate::frames::geodesy::to_llh;
 use crate::frames::rotation::{self, Quaternion};
 use crate::ins::gravity::gravity_e;
 use crate::time::{GpsTime, NS_PER_S};
 use nalgebra::{Matrix3, Vector3};
 
+pub use magnetometer::{DECLINATION_CHANGE_RAD_PER_Y, Magnetometer, MagnetometerError};
+pub use outcome::{Aligned, AlignmentMode, NotAligned, Obstacle};
+use rest::Rest;
+use vectors::Pairs;
+
 /// Shortest window, ns: less than a second, for receivers whose epochs jitter.
 pub const MIN_WINDOW_NS: i64 = NS_PER_S - NS_PER_S / 20;
 /// Longest window, ns: what is longer has a gap in it.
 pub const MAX_WINDOW_NS: i64 = 5 * NS_PER_S / 2;
+/// Shortest rest that a gyrocompass needs, s: what turns the unit unseen counts for less the longer it is.
+pub const MIN_GYROCOMPASS_S: f64 = 60.0;
+/// Largest one sigma of a heading to start a filter from, rad: 45°, beyond which it is no heading.
+pub const MAX_HEADING_SIGMA_RAD: f64 = core::f64::consts::FRAC_PI_4;
+/// Slowest course an attitude that was lost is found again by, m/s, where none is configured.
+const RESTART_SPEED_MPS: f64 = 2.0;
+/// Largest one sigma of a heading by the rotation of the Earth after a given one was lost, rad: 10°.
+const RESTART_GYROCOMPASS_RAD: f64 = 10.0 * core::f64::consts::PI / 180.0;
 /// Increments may cover the window but for this part of it.
 const MAX_UNCOVERED: f64 = 0.05;
-/// The two specific forces may differ in length by this, m/s²: a tenth of gravity.
-pub const MAX_FORCE_DIFFERENCE_MPS2: f64 = 1.0;
+/// A vector that is farther from what it is taken for, in sigmas, is something else.
+const MAX_MISMATCH_SIGMAS: f64 = 5.0;
+/// A receiver that stands may tell of a velocity of this many of its sigmas, and of this besides, m/s.
+const REST_SIGMAS: f64 = 4.0;
+/// See [`REST_SIGMAS`].
+const REST_SPEED_MPS: f64 = 0.05;
 
-/// Where an attitude came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum AlignmentMode {
-    /// There is none.
-    None = 0,
-    /// It was given.
-    Given = 1,
-    /// Roll and pitch from the specific force, heading from the course over ground.
-    Course = 2,
-    /// Kept from before tight mode ended.
-    Kept = 3,
+const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
+
+/// What errors a unit may have.
+#[derive(Clone, Copy, Debug)]
+struct UnitErrors {
+    noise: InertialNoise,
+    gyro_bias_radps: f64,
+    accel_bias_mps2: f64,
 }
 
-impl AlignmentMode {
-    /// All, in the order of their numbers.
-    pub const ALL: [Self; 4] = [Self::None, Self::Given, Self::Course, Self::Kept];
-
-    /// The mode of a number in a frame.
-    pub fn from_u8(number: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(number)).copied()
-    }
-
-    /// Name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Given => "given",
-            Self::Course => "course",
-            Self::Kept => "kept",
-        }
-    }
-}
-
-/// Why there is no attitude yet.
+/// What the receiver knows at an epoch.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum NotAligned {
-    /// Too little time between epochs with velocity, or too much.
-    Window,
-    /// The samples do not cover the window.
-    SamplesMissing {
-        /// What they cover, s.
-        covered_s: f64,
-    },
-    /// Too slow for a course.
-    TooSlow {
-        /// Horizontal speed, m/s.
-        speed_mps: f64,
-    },
-    /// The accelerometers and the receiver do not feel the same force.
-    ForceMismatch {
-        /// Length of the one minus that of the other, m/s².
-        difference_mps2: f64,
-    },
-    /// No local horizontal there.
-    Position(GeodesyError),
-    /// The attitude is no rotation: a number was not finite.
-    NotFinite,
+pub struct AlignmentEpoch {
+    /// When.
+    pub time: GpsTime,
+    /// Position, ECEF, m.
+    pub r_e: Vector3<f64>,
+    /// Velocity east, north, up, m/s, where the receiver has one.
+    pub v_enu: Option<Vector3<f64>>,
+    /// One sigma of it, m/s.
+    pub sigma_enu_mps: [f64; 3],
 }
 
 /// An epoch that begins a window.
@@ -105,17 +98,72 @@ struct Begin {
     v_e: Vector3<f64>,
 }
 
-/// Sums since the window began.
+/// Sums of the magnetic field, body axes, µT.
+#[derive(Clone, Copy, Debug)]
+struct FieldSum {
+    sum_b_ut: Vector3<f64>,
+    samples: f64,
+}
+
+impl FieldSum {
+    const NONE: Self = Self {
+        sum_b_ut: ZERO,
+        samples: 0.0,
+    };
+
+    fn add(&mut self, field_b_ut: &Vector3<f64>) {
+        self.sum_b_ut += field_b_ut;
+        self.samples += 1.0;
+    }
+
+    fn mean(&self) -> Option<Vector3<f64>> {
+        (self.samples > 0.0).then(|| self.sum_b_ut / self.samples)
+    }
+}
+
+/// Where an epoch is.
+struct Place {
+    lat_rad: f64,
+    c_e_n: Matrix3<f64>,
+    gravity_n: Vector3<f64>,
+}
+
+/// A window between two epochs, in motion or not.
+struct Motion {
+    window_s: f64,
+    force_b: Vector3<f64>,
+    force_n: Vector3<f64>,
+    v_n: Vector3<f64>,
+    speed_mps: f64,
+    field_b_ut: Option<Vector3<f64>>,
+}
+
+/// A specific force in both axes, with one sigma of its direction.
+struct Levelled {
+    force_b: Vector3<f64>,
+    force_n: Vector3<f64>,
+    sigma_level_rad: f64,
+}
+
+/// Sums since the window began, and since rest began.
 #[derive(Clone, Copy, Debug)]
 pub struct CoarseAlignment {
     start: AttitudeStart,
+    /// An attitude was lost: a given one is not given any more, and any course will do.
+    is_resumed: bool,
+    unit: UnitErrors,
+    allowance_ned_rad: [f64; 3],
+    magnetometer: Option<Magnetometer>,
+    trusts_field: bool,
     begin: Option<Begin>,
     /// Integral of the specific force, in the body axes of now.
     dv_b: Vector3<f64>,
     covered_s: f64,
+    /// Of the same window, in the body axes of now.
+    field: FieldSum,
+    rest: Rest,
+    field_at_rest: FieldSum,
 }
-
-const ZERO: Vector3<f64> = Vector3::new(0.0, 0.0, 0.0);
 
 impl CoarseAlignment {
     /// Never finds an attitude until it is configured.
@@ -123,30 +171,64 @@ impl CoarseAlignment {
         start: AttitudeStart::Course {
             min_speed_mps: f64::INFINITY,
         },
+        is_resumed: false,
+        unit: UnitErrors {
+            noise: InertialNoise {
+                arw: 0.0,
+                vrw: 0.0,
+                gyro_bias_walk: 0.0,
+                accel_bias_walk: 0.0,
+            },
+            gyro_bias_radps: 0.0,
+            accel_bias_mps2: 0.0,
+        },
+        allowance_ned_rad: [0.0; 3],
+        magnetometer: None,
+        trusts_field: true,
         begin: None,
         dv_b: ZERO,
         covered_s: 0.0,
+        field: FieldSum::NONE,
+        rest: Rest::NONE,
+        field_at_rest: FieldSum::NONE,
     };
 
-    /// Where its attitudes come from.
-    pub const fn mode(&self) -> AlignmentMode {
-        match self.start {
-            AttitudeStart::Course { .. } => AlignmentMode::Course,
-            AttitudeStart::Given { .. } => AlignmentMode::Given,
-        }
-    }
-
-    /// Begins anew.
-    pub fn configure(&mut self, start: &AttitudeStart) {
+    /// Begins anew, with a unit whose configuration has passed [`InertialConfig::check`]. The magnetometer stays.
+    pub fn configure(&mut self, config: &InertialConfig) {
         *self = Self {
-            start: *start,
+            start: config.start,
+            unit: UnitErrors {
+                noise: config.noise,
+                gyro_bias_radps: config.sigma.gyro_bias_radps,
+                accel_bias_mps2: config.sigma.accel_bias_mps2,
+            },
+            allowance_ned_rad: config.sigma.attitude_ned_rad,
+            magnetometer: self.magnetometer,
             ..Self::EMPTY
         };
     }
 
-    /// Forgets the window: the increments do not follow each other, or begin anew.
+    /// There is a magnetometer, whose configuration has passed [`Magnetometer::check`].
+    pub fn set_magnetometer(&mut self, magnetometer: &Magnetometer) {
+        self.magnetometer = Some(*magnetometer);
+        self.field = FieldSum::NONE;
+        self.field_at_rest = FieldSum::NONE;
+    }
+
+    /// Begins anew after an attitude was lost. `trusts_field` is false where it was the magnetic field that was
+    /// wrong: it is not asked again.
+    pub fn resume(&mut self, trusts_field: bool) {
+        self.is_resumed = true;
+        self.trusts_field = self.trusts_field && trusts_field;
+        self.restart();
+    }
+
+    /// Forgets the window and the rest: the increments do not follow each other, or begin anew.
     pub fn restart(&mut self) {
         self.begin = None;
+        self.rest = Rest::NONE;
+        self.field = FieldSum::NONE;
+        self.field_at_rest = FieldSum::NONE;
     }
 
     /// Takes the increments of a sample, or of a bridged gap.
@@ -156,298 +238,380 @@ impl CoarseAlignment {
         let back = rotation::to_matrix(&rotation::from_rotation_vector(&-phi));
         self.dv_b = back * self.dv_b + increment.dv_b - phi.cross(&increment.dv_b) * 0.5;
         self.covered_s += increment.dt_s;
+        self.field.sum_b_ut = back * self.field.sum_b_ut;
+        if self.rest.add(increment, &self.unit) == Some(false) {
+            self.field_at_rest = FieldSum::NONE;
+        }
     }
 
-    /// The attitude at an epoch: position (m) in ECEF, velocity (m/s) in east, north, up there; `None`
-    /// where the receiver has no velocity.
+    /// Takes a sample of the magnetometer, where one is configured. One that is no number is not taken.
+    pub fn on_field(&mut self, sample: &MagneticSample) {
+        let Some(magnetometer) = &self.magnetometer else {
+            return;
+        };
+        let field_b_ut = magnetometer.calibrated(sample.field_s_ut);
+        if field_b_ut.iter().all(|part| part.is_finite()) {
+            self.field.add(&field_b_ut);
+            self.field_at_rest.add(&field_b_ut);
+        }
+    }
+
+    /// How long the unit has been at rest by its samples, s.
+    pub const fn rest_s(&self) -> f64 {
+        self.rest.duration_s()
+    }
+
+    /// Slowest course that is taken, m/s.
+    fn min_speed_mps(&self) -> Option<f64> {
+        match self.start {
+            AttitudeStart::Course { min_speed_mps }
+            | AttitudeStart::Automatic { min_speed_mps, .. } => Some(min_speed_mps),
+            AttitudeStart::Given { .. }
+            | AttitudeStart::Gyrocompass { .. }
+            | AttitudeStart::MagneticField => self.is_resumed.then_some(RESTART_SPEED_MPS),
+        }
+    }
+
+    /// Largest one sigma of a heading by the rotation of the Earth, rad, where that is asked.
+    fn max_gyrocompass_rad(&self) -> Option<f64> {
+        match self.start {
+            AttitudeStart::Gyrocompass {
+                max_heading_sigma_rad,
+            }
+            | AttitudeStart::Automatic {
+                max_heading_sigma_rad,
+                ..
+            } => Some(max_heading_sigma_rad),
+            AttitudeStart::Given { .. } => self.is_resumed.then_some(RESTART_GYROCOMPASS_RAD),
+            AttitudeStart::Course { .. } | AttitudeStart::MagneticField => None,
+        }
+    }
+
+    fn asks_field(&self) -> bool {
+        self.trusts_field
+            && matches!(
+                self.start,
+                AttitudeStart::MagneticField | AttitudeStart::Automatic { .. }
+            )
+    }
+
+    /// The attitude at an epoch.
     ///
     /// # Errors
     /// [`NotAligned`]; the next epochs may have more.
-    pub fn epoch(
-        &mut self,
-        time: GpsTime,
-        r_e: &Vector3<f64>,
-        v_enu: Option<&Vector3<f64>>,
-    ) -> Result<Quaternion, NotAligned> {
-        let place = to_llh(r_e).map_err(NotAligned::Position)?;
-        let c_e_n = rotation::c_e_n(place.lat_rad, place.lon_rad);
-        let min_speed_mps = match &self.start {
+    pub fn epoch(&mut self, at: &AlignmentEpoch) -> Result<Aligned, NotAligned> {
+        let place = place(&at.r_e)?;
+        if let (
             AttitudeStart::Given {
                 roll_pitch_heading_rad,
-            } => return quaternion(&(c_e_n * rotation::c_n_b(roll_pitch_heading_rad))),
-            AttitudeStart::Course { min_speed_mps } => *min_speed_mps,
-        };
-        let Some(v_enu) = v_enu else {
-            self.begin = None;
+            },
+            false,
+        ) = (&self.start, self.is_resumed)
+        {
+            let c_n_b = rotation::c_n_b(roll_pitch_heading_rad);
+            return aligned(&place, &c_n_b, self.allowance_ned_rad, AlignmentMode::Given);
+        }
+        let Some(v_enu) = &at.v_enu else {
+            self.restart();
             return Err(NotAligned::Window);
         };
+        if !is_slow(v_enu, &at.sigma_enu_mps) {
+            self.rest = Rest::NONE;
+            self.field_at_rest = FieldSum::NONE;
+        }
+        let motion = self.window(at, v_enu, &place);
+        if let (Ok(motion), Some(min_speed_mps)) = (&motion, self.min_speed_mps())
+            && motion.speed_mps >= min_speed_mps
+            && motion.speed_mps > 0.0
+        {
+            return self.by_course(motion, &at.sigma_enu_mps, &place);
+        }
+        let standing = self.standing(at.time, &place);
+        if standing.is_ok() {
+            return standing;
+        }
+        match (motion, standing) {
+            (Ok(motion), _) if self.asks_field() && self.rest.duration_s() <= 0.0 => {
+                let level = self.level_in_motion(&motion, &at.sigma_enu_mps);
+                self.by_field(&level, motion.field_b_ut, at.time, &place)
+            }
+            // Of a unit at rest its own reason, if it asks anything that is asked at rest.
+            (_, Err(why)) if why != NotAligned::Moving => Err(why),
+            (Err(why), _) => Err(why),
+            (Ok(motion), _) if self.min_speed_mps().is_some() => Err(NotAligned::TooSlow {
+                speed_mps: motion.speed_mps,
+            }),
+            (Ok(_), _) => Err(NotAligned::Moving),
+        }
+    }
+
+    /// Roll and pitch of a unit at rest, with a heading that is known otherwise: one sigma of it, rad.
+    ///
+    /// # Errors
+    /// [`NotAligned::Moving`] when it has not been at rest for a second.
+    pub fn with_heading(
+        &self,
+        r_e: &Vector3<f64>,
+        heading_rad: f64,
+        sigma_heading_rad: f64,
+    ) -> Result<Aligned, NotAligned> {
+        let place = place(r_e)?;
+        let level = self.level_at_rest(&place).ok_or(NotAligned::Moving)?;
+        let c_h_n = rotation::c_n_b(&[0.0, 0.0, heading_rad]).transpose();
+        let [roll, pitch] = course::roll_and_pitch(&level.force_b, &(c_h_n * level.force_n))?;
+        let sigma_ned_rad =
+            vectors::sigma_ned_rad(&level.force_n, level.sigma_level_rad, sigma_heading_rad);
+        let c_n_b = rotation::c_n_b(&[roll, pitch, heading_rad]);
+        aligned(&place, &c_n_b, sigma_ned_rad, AlignmentMode::Kept)
+    }
+
+    /// Closes the window between the last epoch and this.
+    fn window(
+        &mut self,
+        at: &AlignmentEpoch,
+        v_enu: &Vector3<f64>,
+        place: &Place,
+    ) -> Result<Motion, NotAligned> {
         let v_n = Vector3::new(v_enu.y, v_enu.x, -v_enu.z);
-        let v_e = c_e_n * v_n;
+        let v_e = place.c_e_n * v_n;
         let elapsed_ns = self
             .begin
-            .map(|begin| time.ns().saturating_sub(begin.time.ns()));
+            .map(|begin| at.time.ns().saturating_sub(begin.time.ns()));
         if elapsed_ns.is_some_and(|ns| (0..MIN_WINDOW_NS).contains(&ns)) {
             return Err(NotAligned::Window);
         }
         let (dv_b, covered_s) = (self.dv_b, self.covered_s);
-        let begin = self.begin.replace(Begin { time, v_e });
+        let begin = self.begin.replace(Begin { time: at.time, v_e });
         (self.dv_b, self.covered_s) = (ZERO, 0.0);
+        let field_b_ut = core::mem::replace(&mut self.field, FieldSum::NONE).mean();
         let begin = begin
             .filter(|_| elapsed_ns.is_some_and(|ns| (MIN_WINDOW_NS..=MAX_WINDOW_NS).contains(&ns)))
             .ok_or(NotAligned::Window)?;
-        let window_s = time.seconds_since(begin.time);
+        let window_s = at.time.seconds_since(begin.time);
         if !(libm::fabs(covered_s - window_s) <= MAX_UNCOVERED * window_s) {
             return Err(NotAligned::SamplesMissing { covered_s });
         }
-        let speed_mps = libm::sqrt(v_n.x * v_n.x + v_n.y * v_n.y);
-        if !(speed_mps >= min_speed_mps && speed_mps > 0.0) {
-            return Err(NotAligned::TooSlow { speed_mps });
-        }
-
         let v_mean = (v_e + begin.v_e) * 0.5;
         let coriolis = Vector3::new(-2.0 * OMEGA * v_mean.y, 2.0 * OMEGA * v_mean.x, 0.0);
-        let force_e = (v_e - begin.v_e) / window_s + coriolis - gravity_e(r_e);
-        let heading = libm::atan2(v_n.y, v_n.x);
+        let force_e = (v_e - begin.v_e) / window_s + coriolis - gravity_e(&at.r_e);
+        Ok(Motion {
+            window_s,
+            force_b: dv_b / covered_s,
+            force_n: place.c_e_n.transpose() * force_e,
+            v_n,
+            speed_mps: libm::sqrt(v_n.x * v_n.x + v_n.y * v_n.y),
+            field_b_ut,
+        })
+    }
+
+    /// How well a window in motion shows where its specific force points.
+    fn level_in_motion(&self, motion: &Motion, sigma_enu_mps: &[f64; 3]) -> Levelled {
+        let [sigma_east, sigma_north, _] = *sigma_enu_mps;
+        let t_s = motion.window_s;
+        let force_mps2 = motion.force_n.norm();
+        let white = self.unit.noise.vrw * self.unit.noise.vrw / t_s;
+        // Two velocities in each of two directions.
+        let receiver = (sigma_east * sigma_east + sigma_north * sigma_north) / (t_s * t_s);
+        let turned = 0.5 * force_mps2 * self.unit.gyro_bias_radps * t_s;
+        let bias = self.unit.accel_bias_mps2;
+        Levelled {
+            force_b: motion.force_b,
+            force_n: motion.force_n,
+            sigma_level_rad: libm::sqrt(bias * bias + white + receiver + turned * turned)
+                / force_mps2,
+        }
+    }
+
+    /// A unit that stands shows where up is; `None` while it does not.
+    fn level_at_rest(&self, place: &Place) -> Option<Levelled> {
+        if !(self.rest.duration_s() > 0.0) {
+            return None;
+        }
+        let (force_b, _) = self.rest.means();
+        Some(Levelled {
+            force_b,
+            force_n: -place.gravity_n,
+            sigma_level_rad: self.rest.sigma_force_mps2(&self.unit) / place.gravity_n.norm(),
+        })
+    }
+
+    fn by_course(
+        &self,
+        motion: &Motion,
+        sigma_enu_mps: &[f64; 3],
+        place: &Place,
+    ) -> Result<Aligned, NotAligned> {
+        let heading = libm::atan2(motion.v_n.y, motion.v_n.x);
         let c_h_n = rotation::c_n_b(&[0.0, 0.0, heading]).transpose();
-        let force_h = c_h_n * (c_e_n.transpose() * force_e);
-        let [roll, pitch] = roll_and_pitch(&(dv_b / covered_s), &force_h)?;
-        quaternion(&(c_e_n * rotation::c_n_b(&[roll, pitch, heading])))
+        let force_h = c_h_n * motion.force_n;
+        let [roll, pitch] = course::roll_and_pitch(&motion.force_b, &force_h)?;
+        let (sin, cos) = libm::sincos(heading);
+        let [sigma_east, sigma_north, _] = *sigma_enu_mps;
+        let across_mps = libm::hypot(sigma_east * cos, sigma_north * sin);
+        let [slack_north, slack_east, side_slip] = self.allowance_ned_rad;
+        let sigma_heading = libm::hypot(across_mps / motion.speed_mps, side_slip);
+        if !(sigma_heading <= MAX_HEADING_SIGMA_RAD) {
+            return Err(NotAligned::HeadingTooUncertain {
+                sigma_rad: sigma_heading,
+            });
+        }
+        let level = self.level_in_motion(motion, sigma_enu_mps);
+        // A wrong heading turns the horizontal force, and the level follows it.
+        let horizontal = libm::hypot(force_h.x, force_h.y) / force_h.norm();
+        let sigma_level = libm::hypot(level.sigma_level_rad, sigma_heading * horizontal);
+        let sigma_ned_rad = [
+            libm::hypot(sigma_level, slack_north),
+            libm::hypot(sigma_level, slack_east),
+            sigma_heading,
+        ];
+        let c_n_b = rotation::c_n_b(&[roll, pitch, heading]);
+        aligned(place, &c_n_b, sigma_ned_rad, AlignmentMode::Course)
+    }
+
+    /// What is asked of a unit at rest.
+    fn standing(&self, time: GpsTime, place: &Place) -> Result<Aligned, NotAligned> {
+        let level = self.level_at_rest(place).ok_or(NotAligned::Moving)?;
+        let by_rotation = self
+            .max_gyrocompass_rad()
+            .map(|max_rad| self.by_rotation(&level, max_rad, place));
+        match by_rotation {
+            Some(Ok(found)) => Ok(found),
+            Some(Err(why)) if !self.asks_field() => Err(why),
+            None if !self.asks_field() => Err(NotAligned::Moving),
+            _ => self.by_field(&level, self.field_at_rest.mean(), time, place),
+        }
+    }
+
+    fn by_rotation(
+        &self,
+        level: &Levelled,
+        max_rad: f64,
+        place: &Place,
+    ) -> Result<Aligned, NotAligned> {
+        let (sin_lat, cos_lat) = libm::sincos(place.lat_rad);
+        // No patience makes good for a bias.
+        let least_rad = self.unit.gyro_bias_radps / (OMEGA * cos_lat);
+        if !(least_rad <= max_rad) {
+            return Err(NotAligned::HeadingTooUncertain {
+                sigma_rad: least_rad,
+            });
+        }
+        let duration_s = self.rest.duration_s();
+        if !(duration_s >= MIN_GYROCOMPASS_S) {
+            return Err(NotAligned::RestTooShort { duration_s });
+        }
+        let (_, rate_b) = self.rest.means();
+        let pairs = Pairs {
+            force_b: level.force_b,
+            force_n: level.force_n,
+            sigma_level_rad: level.sigma_level_rad,
+            second_b: rate_b,
+            second_n: Vector3::new(OMEGA * cos_lat, 0.0, -OMEGA * sin_lat),
+            sigma_second: self.rest.sigma_rate_radps(&self.unit),
+        };
+        let sigma_rad = pairs.sigma_about_force_rad();
+        if !(sigma_rad <= max_rad) {
+            return Err(NotAligned::HeadingTooUncertain { sigma_rad });
+        }
+        let mismatch = pairs.mismatch();
+        if !mismatch.is_within(MAX_MISMATCH_SIGMAS) {
+            return Err(NotAligned::EarthRateMismatch {
+                length_sigmas: mismatch.length_sigmas,
+                angle_sigmas: mismatch.angle_sigmas,
+            });
+        }
+        self.by_pairs(&pairs, sigma_rad, AlignmentMode::Gyrocompass, place)
+    }
+
+    fn by_field(
+        &self,
+        level: &Levelled,
+        field_b_ut: Option<Vector3<f64>>,
+        time: GpsTime,
+        place: &Place,
+    ) -> Result<Aligned, NotAligned> {
+        let (Some(magnetometer), Some(field_b_ut)) = (&self.magnetometer, field_b_ut) else {
+            return Err(NotAligned::NoField);
+        };
+        let difference_mps2 = level.force_b.norm() - level.force_n.norm();
+        if !(libm::fabs(difference_mps2) <= course::MAX_FORCE_DIFFERENCE_MPS2) {
+            return Err(NotAligned::ForceMismatch { difference_mps2 });
+        }
+        let pairs = Pairs {
+            force_b: level.force_b,
+            force_n: level.force_n,
+            sigma_level_rad: level.sigma_level_rad,
+            second_b: field_b_ut,
+            second_n: magnetometer.field_n_ut(),
+            sigma_second: magnetometer.sigma_ut,
+        };
+        let mismatch = pairs.mismatch();
+        if !mismatch.is_within(MAX_MISMATCH_SIGMAS) {
+            return Err(NotAligned::FieldMismatch {
+                length_sigmas: mismatch.length_sigmas,
+                angle_sigmas: mismatch.angle_sigmas,
+            });
+        }
+        let sigma_rad = libm::hypot(
+            pairs.sigma_about_force_rad(),
+            magnetometer.sigma_declination_rad(time),
+        );
+        if !(sigma_rad <= MAX_HEADING_SIGMA_RAD) {
+            return Err(NotAligned::HeadingTooUncertain { sigma_rad });
+        }
+        self.by_pairs(&pairs, sigma_rad, AlignmentMode::MagneticField, place)
+    }
+
+    fn by_pairs(
+        &self,
+        pairs: &Pairs,
+        sigma_heading_rad: f64,
+        mode: AlignmentMode,
+        place: &Place,
+    ) -> Result<Aligned, NotAligned> {
+        let c_n_b = pairs.c_n_b().ok_or(NotAligned::NotFinite)?;
+        let sigma_ned_rad =
+            vectors::sigma_ned_rad(&pairs.force_n, pairs.sigma_level_rad, sigma_heading_rad);
+        aligned(place, &c_n_b, sigma_ned_rad, mode)
     }
 }
 
-/// Roll and pitch that take `force_h` (level axes along the heading) to `force_b`, rad.
-fn roll_and_pitch(force_b: &Vector3<f64>, force_h: &Vector3<f64>) -> Result<[f64; 2], NotAligned> {
-    let difference_mps2 = length(force_b) - length(force_h);
-    if !(libm::fabs(difference_mps2) <= MAX_FORCE_DIFFERENCE_MPS2) {
-        return Err(NotAligned::ForceMismatch { difference_mps2 });
-    }
-    // f_b,x = f_h,x cos θ − f_h,z sin θ = R sin(θ + α).
-    let in_plane = libm::sqrt(force_h.x * force_h.x + force_h.z * force_h.z);
-    let sine = force_b.x / in_plane;
-    // Noise may make it a little longer than the whole: nose up or down then.
-    let sine = if sine > 1.0 {
-        1.0
-    } else if sine < -1.0 {
-        -1.0
+fn place(r_e: &Vector3<f64>) -> Result<Place, NotAligned> {
+    let llh = to_llh(r_e).map_err(NotAligned::Position)?;
+    let c_e_n = rotation::c_e_n(llh.lat_rad, llh.lon_rad);
+    Ok(Place {
+        lat_rad: llh.lat_rad,
+        c_e_n,
+        gravity_n: c_e_n.transpose() * gravity_e(r_e),
+    })
+}
+
+/// Whether a velocity may be that of a receiver at rest.
+pub(crate) fn is_slow(v_enu: &Vector3<f64>, sigma_enu_mps: &[f64; 3]) -> bool {
+    v_enu
+        .iter()
+        .zip(sigma_enu_mps)
+        .all(|(part, sigma)| libm::fabs(*part) <= REST_SIGMAS * sigma + REST_SPEED_MPS)
+}
+
+fn aligned(
+    place: &Place,
+    c_n_b: &Matrix3<f64>,
+    sigma_ned_rad: [f64; 3],
+    mode: AlignmentMode,
+) -> Result<Aligned, NotAligned> {
+    let q_e_b: Quaternion =
+        rotation::from_matrix(&(place.c_e_n * c_n_b)).ok_or(NotAligned::NotFinite)?;
+    if sigma_ned_rad.iter().all(|s| *s > 0.0 && s.is_finite()) {
+        Ok(Aligned {
+            q_e_b,
+            sigma_ned_rad,
+            mode,
+        })
     } else {
-        sine
-    };
-    let pitch = libm::asin(sine) - libm::atan2(force_h.x, -force_h.z);
-    let (sin_pitch, cos_pitch) = libm::sincos(pitch);
-    let down = force_h.x * sin_pitch + force_h.z * cos_pitch;
-    let roll = libm::atan2(down, force_h.y) - libm::atan2(force_b.z, force_b.y);
-    Ok([roll, pitch])
-}
-
-fn length(a: &Vector3<f64>) -> f64 {
-    libm::sqrt(a.x * a.x + a.y * a.y + a.z * a.z)
-}
-
-fn quaternion(c_e_b: &Matrix3<f64>) -> Result<Quaternion, NotAligned> {
-    rotation::from_matrix(c_e_b).ok_or(NotAligned::NotFinite)
+        Err(NotAligned::NotFinite)
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::frames::geodesy::{Llh, to_ecef};
-    use core::f64::consts::PI;
-
-    const COURSE: AttitudeStart = AttitudeStart::Course { min_speed_mps: 3.0 };
-
-    /// Turns and gathers speed with a constant bank and pitch.
-    struct Vehicle {
-        roll: f64,
-        pitch: f64,
-        turn_radps: f64,
-        thrust_mps2: f64,
-    }
-
-    impl Vehicle {
-        fn place() -> Vector3<f64> {
-            to_ecef(&Llh {
-                lat_rad: 0.8,
-                lon_rad: 0.3,
-                height_m: 200.0,
-            })
-        }
-
-        fn angles(&self, t_s: f64) -> [f64; 3] {
-            [self.roll, self.pitch, 2.5 + self.turn_radps * t_s]
-        }
-
-        fn velocity_n(&self, t_s: f64) -> Vector3<f64> {
-            let speed = 10.0 + self.thrust_mps2 * t_s;
-            let [.., heading] = self.angles(t_s);
-            Vector3::new(speed * libm::cos(heading), speed * libm::sin(heading), 0.0)
-        }
-
-        fn c_e_b(&self, t_s: f64) -> Matrix3<f64> {
-            rotation::c_e_n(0.8, 0.3) * rotation::c_n_b(&self.angles(t_s))
-        }
-
-        /// Rates and forces of the middle of a sample of a millisecond.
-        fn increment(&self, end_s: f64) -> Increment {
-            let (dt_s, middle_s) = (1e-3, end_s - 5e-4);
-            let c_n_b = rotation::c_n_b(&self.angles(middle_s));
-            let c_e_n = rotation::c_e_n(0.8, 0.3);
-            let earth = Vector3::new(0.0, 0.0, OMEGA);
-            let v_e = c_e_n * self.velocity_n(middle_s);
-            let dv_n = self.velocity_n(end_s) - self.velocity_n(end_s - dt_s);
-            let force_e =
-                c_e_n * (dv_n / dt_s) + 2.0 * earth.cross(&v_e) - gravity_e(&Self::place());
-            let rate_n = Vector3::new(0.0, 0.0, self.turn_radps) + c_e_n.transpose() * earth;
-            Increment {
-                dtheta_b: c_n_b.transpose() * rate_n * dt_s,
-                dv_b: self.c_e_b(middle_s).transpose() * force_e * dt_s,
-                dt_s,
-            }
-        }
-
-        /// Two epochs a second apart; the accelerometers have a bias, the first `lost` samples are.
-        fn align(&self, bias: Vector3<f64>, lost: i32) -> Result<Quaternion, NotAligned> {
-            let mut alignment = CoarseAlignment::EMPTY;
-            alignment.configure(&COURSE);
-            let enu = |t_s| {
-                let v = self.velocity_n(t_s);
-                Vector3::new(v.y, v.x, -v.z)
-            };
-            let (first, second) = (GpsTime::from_ns(0), GpsTime::from_ns(NS_PER_S));
-            let begin = alignment.epoch(first, &Self::place(), Some(&enu(0.0)));
-            assert_eq!(begin, Err(NotAligned::Window));
-            for k in lost + 1..=1000 {
-                let mut increment = self.increment(f64::from(k) * 1e-3);
-                increment.dv_b += bias * increment.dt_s;
-                alignment.accumulate(&increment);
-            }
-            alignment.epoch(second, &Self::place(), Some(&enu(1.0)))
-        }
-
-        /// Errors about body axes, rad.
-        fn error(&self, q_e_b: &Quaternion) -> Vector3<f64> {
-            let difference = self.c_e_b(1.0).transpose() * rotation::to_matrix(q_e_b);
-            let [_, x, y, z] = rotation::from_matrix(&difference).unwrap();
-            Vector3::new(2.0 * x, 2.0 * y, 2.0 * z)
-        }
-    }
-
-    const MOTIONS: [Vehicle; 4] = [
-        Vehicle {
-            roll: 0.02,
-            pitch: -0.03,
-            turn_radps: 0.0,
-            thrust_mps2: 0.0,
-        },
-        Vehicle {
-            roll: 0.5,
-            pitch: 0.1,
-            turn_radps: 0.4,
-            thrust_mps2: 0.0,
-        },
-        Vehicle {
-            roll: -0.1,
-            pitch: 0.3,
-            turn_radps: -0.3,
-            thrust_mps2: 3.0,
-        },
-        Vehicle {
-            roll: 2.8,
-            pitch: -1.2,
-            turn_radps: 0.1,
-            thrust_mps2: -2.0,
-        },
-    ];
-
-    #[test]
-    fn attitude_is_found_while_turning_and_accelerating() {
-        for motion in MOTIONS {
-            let error = motion.error(&motion.align(ZERO, 0).unwrap());
-            std::println!("{error:?}");
-            // What is left: the mean over a second of a turn against its chord.
-            assert!(error.norm() < 1e-4);
-        }
-    }
-
-    #[test]
-    fn accelerometer_bias_tilts_by_its_part_of_gravity() {
-        let [motion, ..] = &MOTIONS;
-        let q_e_b = motion.align(Vector3::new(0.05, 0.05, 0.0), 0).unwrap();
-        let error = motion.error(&q_e_b);
-        assert!((error.x.abs() - 0.0051).abs() < 2e-4 && (error.y.abs() - 0.0051).abs() < 2e-4);
-        assert!(error.z.abs() < 5e-4);
-    }
-
-    #[test]
-    fn given_angles_are_those_at_the_place() {
-        let mut alignment = CoarseAlignment::EMPTY;
-        let place = Vehicle::place();
-        let refused = alignment.epoch(GpsTime::from_ns(0), &place, None);
-        assert_eq!(refused, Err(NotAligned::Window));
-        let angles = [0.1, -0.4, 3.0];
-        alignment.configure(&AttitudeStart::Given {
-            roll_pitch_heading_rad: angles,
-        });
-        let q_e_b = alignment.epoch(GpsTime::from_ns(0), &place, None).unwrap();
-        let c_n_b = rotation::c_e_n(0.8, 0.3).transpose() * rotation::to_matrix(&q_e_b);
-        let back = rotation::roll_pitch_heading(&c_n_b);
-        assert!(angles.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-9));
-        let nowhere = alignment.epoch(GpsTime::from_ns(0), &ZERO, None);
-        assert!(matches!(nowhere, Err(NotAligned::Position(_))));
-        alignment.configure(&AttitudeStart::Given {
-            roll_pitch_heading_rad: [f64::NAN, 0.0, PI],
-        });
-        let nothing = alignment.epoch(GpsTime::from_ns(0), &place, None);
-        assert_eq!(nothing, Err(NotAligned::NotFinite));
-    }
-
-    #[test]
-    fn what_cannot_be_aligned_says_why() {
-        let [motion, ..] = &MOTIONS;
-        assert!(matches!(
-            motion.align(ZERO, 100),
-            Err(NotAligned::SamplesMissing { .. })
-        ));
-        assert!(matches!(
-            motion.align(Vector3::new(0.0, 0.0, -1.5), 0),
-            Err(NotAligned::ForceMismatch { .. })
-        ));
-        assert!(matches!(
-            motion.align(Vector3::repeat(f64::NAN), 0),
-            Err(NotAligned::ForceMismatch { .. })
-        ));
-        let braking = Vehicle {
-            thrust_mps2: -8.0,
-            ..MOTIONS[0]
-        };
-        assert!(matches!(
-            braking.align(ZERO, 0),
-            Err(NotAligned::TooSlow { .. })
-        ));
-    }
-
-    #[test]
-    fn ten_epochs_a_second_make_one_window() {
-        let [.., motion, _] = &MOTIONS;
-        let mut alignment = CoarseAlignment::EMPTY;
-        alignment.configure(&COURSE);
-        let mut found = std::vec::Vec::new();
-        for k in 0..=2000_i32 {
-            let t_s = f64::from(k) * 1e-3;
-            if k > 0 {
-                alignment.accumulate(&motion.increment(t_s));
-            }
-            if k % 100 == 0 {
-                let v = motion.velocity_n(t_s);
-                let v_enu = Vector3::new(v.y, v.x, -v.z);
-                let time = GpsTime::from_ns(i64::from(k) * 1_000_000);
-                if alignment
-                    .epoch(time, &Vehicle::place(), Some(&v_enu))
-                    .is_ok()
-                {
-                    found.push(k);
-                }
-            }
-        }
-        assert_eq!(found, [1000, 2000]);
-    }
-}
+mod tests;

@@ -4,6 +4,7 @@
 //! angle uncertain by `arw`·√t after t seconds. Model: [P0] (6)-(8), as corrected in
 //! docs/decisions/005-tight-filter.md.
 
+use super::alignment::MAX_HEADING_SIGMA_RAD;
 use crate::time::GpsTime;
 
 /// One sample: what gyroscopes and accelerometers integrated over `(time − interval, time]`.
@@ -86,6 +87,23 @@ pub enum AttitudeStart {
         /// Roll, pitch, heading, rad.
         roll_pitch_heading_rad: [f64; 3],
     },
+    /// At rest: roll and pitch from the accelerometers, heading from the rotation of the Earth. For units of
+    /// tactical grade and better.
+    Gyrocompass {
+        /// Largest one sigma of the heading to start with, rad.
+        max_heading_sigma_rad: f64,
+    },
+    /// Roll and pitch from the accelerometers, heading from the field that the magnetometer feels, at rest or in
+    /// motion. Nothing is told of the filter before motion has confirmed the heading.
+    MagneticField,
+    /// From the course when it is moving at this speed, at rest from the rotation of the Earth where the unit is
+    /// good enough, else from the magnetic field where there is a magnetometer: whatever comes first.
+    Automatic {
+        /// Least horizontal speed for a course, m/s.
+        min_speed_mps: f64,
+        /// Largest one sigma of a heading by the rotation of the Earth, rad.
+        max_heading_sigma_rad: f64,
+    },
 }
 
 /// Everything to be known of an inertial unit, its mounting and the receiver's clock.
@@ -119,7 +137,8 @@ pub struct InitialSigma {
     pub position_m: f64,
     /// Velocity, m/s.
     pub velocity_mps: f64,
-    /// Attitude about local north, east, down, rad.
+    /// Attitude about local north, east, down, rad: of one that is given; with the course, what is added to its own
+    /// sigma for side-slip and for vibration. Other alignments say by themselves how well they are.
     pub attitude_ned_rad: [f64; 3],
     /// Gyroscope bias, rad/s.
     pub gyro_bias_radps: f64,
@@ -186,6 +205,11 @@ pub enum InertialConfigError {
     Mounting,
     /// A lever arm longer than 100 m.
     LeverArm,
+    /// A limit for the sigma of a heading that is not between 0 and 45°.
+    HeadingLimit {
+        /// The number given, rad.
+        value_rad: f64,
+    },
     /// A density, decay, range or sigma that is negative, not finite, or zero where it must not be.
     NotPositive {
         /// The number given.
@@ -215,6 +239,17 @@ impl InertialConfig {
         let [x, y, z] = self.lever_arm_b_m;
         if !(x * x + y * y + z * z <= MAX_LEVER_ARM_M * MAX_LEVER_ARM_M) {
             return Err(InertialConfigError::LeverArm);
+        }
+        if let AttitudeStart::Gyrocompass {
+            max_heading_sigma_rad: value_rad,
+        }
+        | AttitudeStart::Automatic {
+            max_heading_sigma_rad: value_rad,
+            ..
+        } = self.start
+            && !(value_rad > 0.0 && value_rad <= MAX_HEADING_SIGMA_RAD)
+        {
+            return Err(InertialConfigError::HeadingLimit { value_rad });
         }
         let InertialNoise {
             arw,
@@ -264,7 +299,7 @@ impl InertialConfig {
 }
 
 /// Rows orthonormal to 1e-6 and right-handed; NaN is not.
-fn is_rotation(c: &[[f64; 3]; 3]) -> bool {
+pub(crate) fn is_rotation(c: &[[f64; 3]; 3]) -> bool {
     let [a, b, d] = *c;
     let dot = |u: [f64; 3], v: [f64; 3]| {
         let ([u0, u1, u2], [v0, v1, v2]) = (u, v);

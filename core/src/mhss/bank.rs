@@ -9,6 +9,9 @@
 //! | F0n | n | [`SubFilters`] | N |
 //! | Fnm | n and m | [`Secondaries`] | N (N − 1) / 2 |
 //!
+//! Besides these one for each constellation that is left out (`bank/constellations.rs`), and one without
+//! aids (`bank/aids.rs`).
+//!
 //! The information of an epoch without one or two satellites is summed up from parts (those before,
 //! between and after), never subtracted from the whole. Births, held satellites, deaths and exclusion:
 //! docs/decisions/006-filter-bank.md. Equations: [P0] (26)-(32).
@@ -25,6 +28,7 @@ use crate::ekf::{
 use crate::gnss::{Satellite, SatelliteSet};
 use crate::time::GpsTime;
 
+mod aids;
 mod constellations;
 mod isolation;
 mod places;
@@ -50,6 +54,8 @@ const _: () = assert!(pair(0, 1) == 0 && pair(MAX_BANK - 1, MAX_BANK - 2) == MAX
 pub struct SubFilters<const K: usize, const M: usize> {
     filters: [Filter<K, M>; MAX_BANK],
     constellations: [Filter<K, M>; MAX_CLOCKS],
+    /// Without any aid.
+    unaided: Filter<K, M>,
 }
 
 impl<const K: usize, const M: usize> SubFilters<K, M> {
@@ -57,6 +63,7 @@ impl<const K: usize, const M: usize> SubFilters<K, M> {
     pub const EMPTY: Self = Self {
         filters: [const { Filter::EMPTY }; MAX_BANK],
         constellations: [const { Filter::EMPTY }; MAX_CLOCKS],
+        unaided: Filter::EMPTY,
     };
 }
 
@@ -168,6 +175,8 @@ pub trait ExtraNoise {
     fn sub(&mut self, place: usize, own: &OwnVariances) -> [Variances; 2];
     /// Of the filter without a constellation, and of its separation from the main one.
     fn constellation(&mut self, constellation: usize, own: &OwnVariances) -> [Variances; 2];
+    /// Of the filter without any aid, and of its separation from the main one.
+    fn unaided(&mut self, own: &OwnVariances) -> [Variances; 2];
     /// Of the separation of the filter without two satellites from that without the first.
     fn pair(&self, base: usize, other: usize) -> Variances;
 }
@@ -189,6 +198,10 @@ impl ExtraNoise for WhiteNoise {
         [[0.0; 2]; 2]
     }
 
+    fn unaided(&mut self, _: &OwnVariances) -> [Variances; 2] {
+        [[0.0; 2]; 2]
+    }
+
     fn pair(&self, _: usize, _: usize) -> Variances {
         [0.0; 2]
     }
@@ -204,6 +217,10 @@ pub struct Bank<const K: usize, const M: usize> {
     leaving: Option<Member>,
     /// Constellations with a filter of their own, by their numbers.
     constellations: [Option<Separation>; MAX_CLOCKS],
+    /// Of the filter without any aid, while it runs.
+    unaided: Option<Separation>,
+    /// What the aids say of this epoch: in all filters but that one.
+    aid: EpochInformation<M>,
     /// Satellites that were excluded once and taken back.
     readmitted: SatelliteSet,
     /// The filters of the pairs missed an epoch.
@@ -230,6 +247,8 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         excluded: SatelliteSet::EMPTY,
         leaving: None,
         constellations: [None; MAX_CLOCKS],
+        unaided: None,
+        aid: EpochInformation::ZERO,
         readmitted: SatelliteSet::EMPTY,
         pairs_are_dropped: false,
         rows: [None; MAX_BANK],
@@ -250,6 +269,8 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         self.excluded = SatelliteSet::EMPTY;
         self.leaving = None;
         self.constellations = [None; MAX_CLOCKS];
+        self.unaided = None;
+        self.aid.clear();
         self.readmitted = SatelliteSet::EMPTY;
         self.pairs_are_dropped = false;
         self.rows = [None; MAX_BANK];
@@ -351,6 +372,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 filter.predict(transition, workspace);
             }
         }
+        if self.unaided.is_some() {
+            sub.unaided.predict(transition, workspace);
+        }
         for member in &self.members {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.predict(transition, workspace);
@@ -449,8 +473,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 own.add_row(row);
             }
         }
+        // What the aids say is in each sum once, for each ends with this one.
         if let Some(none) = self.after.get_mut(n) {
-            none.clear();
+            none.clone_from(&self.aid);
         }
         for (at, own) in self.own.iter().enumerate().take(n).rev() {
             if let Some([place, next, ..]) = self.after.get_mut(at..) {
@@ -545,8 +570,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             vertical,
             c_enu_e,
         } = *criterion;
-        let constellations = self.constellations.iter().flatten().count();
-        let k_detection = quantiles.detection(self.members.len() + constellations);
+        let others =
+            self.constellations.iter().flatten().count() + usize::from(self.unaided.is_some());
+        let k_detection = quantiles.detection(self.members.len() + others);
         let predicted = &self.predicted;
         let own = own_variances(main, predicted.main, c_enu_e);
         let sigma = separation::sigmas_of(own.left, noise.main(&own));
@@ -590,6 +616,12 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 *place = compare(filter, own.left, extra, between);
                 verdict.take(place, vertical);
             }
+        }
+        if let Some(place) = &mut self.unaided {
+            let own = own_variances(&sub.unaided, predicted.unaided, c_enu_e);
+            let [extra, between] = noise.unaided(&own);
+            *place = compare(&sub.unaided, own.left, extra, between);
+            verdict.take(place, vertical);
         }
         if verdict.detected && !self.pairs_are_dropped {
             verdict.isolated = self.isolate(criterion, noise, sub, secondaries);
@@ -671,6 +703,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
         };
         // They had the satellite until now, with whatever was wrong with it; that of its own constellation never.
         self.begin_constellations(satellite.system(), main, sub);
+        if self.unaided.is_some() {
+            sub.unaided.clone_from(main);
+        }
         self.leaving = Some(leaving);
         self.excluded.insert(satellite);
         self.readmitted.remove(satellite);
@@ -733,6 +768,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 filter.rereference(correction);
             }
         }
+        if self.unaided.is_some() {
+            sub.unaided.rereference(correction);
+        }
         for (at, member) in self.members.iter().enumerate() {
             if let Some(filter) = sub.filters.get_mut(member.place) {
                 filter.rereference(correction);
@@ -755,6 +793,7 @@ struct Predictions {
     main: Variances,
     sub: [Variances; MAX_BANK],
     constellations: [Variances; MAX_CLOCKS],
+    unaided: Variances,
 }
 
 impl Predictions {
@@ -762,6 +801,7 @@ impl Predictions {
         main: [0.0; 2],
         sub: [[0.0; 2]; MAX_BANK],
         constellations: [[0.0; 2]; MAX_CLOCKS],
+        unaided: [0.0; 2],
     };
 }
 

@@ -145,6 +145,7 @@ pub struct CorrelatedBound {
     separation: [Sigmas; MAX_BANK],
     constellation: [Sigmas; MAX_CLOCKS],
     constellation_separation: [Sigmas; MAX_CLOCKS],
+    unaided: Sigmas,
     /// Satellites of the epoch, by their places in the bank.
     rows: [Option<Row>; MAX_BANK],
     whole: Option<Subset>,
@@ -174,6 +175,7 @@ impl CorrelatedBound {
         separation: [[0.0; 2]; MAX_BANK],
         constellation: [[0.0; 2]; MAX_CLOCKS],
         constellation_separation: [[0.0; 2]; MAX_CLOCKS],
+        unaided: [0.0; 2],
         rows: [None; MAX_BANK],
         whole: None,
         without_constellation: [None; MAX_CLOCKS],
@@ -190,6 +192,7 @@ impl CorrelatedBound {
         self.separation = [[0.0; 2]; MAX_BANK];
         self.constellation = [start_m; MAX_CLOCKS];
         self.constellation_separation = [[0.0; 2]; MAX_CLOCKS];
+        self.unaided = start_m;
         self.rows = [None; MAX_BANK];
         self.whole = None;
         self.without_constellation = [None; MAX_CLOCKS];
@@ -218,6 +221,16 @@ impl CorrelatedBound {
         if let Some(separation) = self.constellation_separation.get_mut(constellation) {
             *separation = [0.0; 2];
         }
+    }
+
+    /// The filter without aids begins as a copy of the main one.
+    pub const fn begin_unaided(&mut self) {
+        self.unaided = self.main;
+    }
+
+    /// The aids are excluded: the filter without them is the main one, and all others begin as copies of it.
+    pub fn exclude_aids(&mut self) {
+        self.begin_all(self.unaided);
     }
 
     /// The satellite of a place is excluded: its filter is the main one from now on, and the filters without
@@ -250,6 +263,7 @@ impl CorrelatedBound {
         for constellation in &mut self.constellation {
             *constellation = maximum(*constellation, base);
         }
+        self.unaided = maximum(self.unaided, base);
         if let Some(row) = self.rows.get_mut(place) {
             *row = None;
         }
@@ -277,6 +291,7 @@ impl CorrelatedBound {
         self.separation = [[0.0; 2]; MAX_BANK];
         self.constellation = [base; MAX_CLOCKS];
         self.constellation_separation = [[0.0; 2]; MAX_CLOCKS];
+        self.unaided = base;
     }
 
     /// A constellation is excluded: its filter is the main one, and all others begin as copies of it.
@@ -468,6 +483,13 @@ impl ExtraNoise for CorrelatedBound {
             own,
         );
         [squares(*sub), squares(*separation)]
+    }
+
+    /// The same of the filter without aids, which has the same satellites as the main one and follows their
+    /// errors faster: the separation is what the main filter smooths away of them, no more than all.
+    fn unaided(&mut self, own: &OwnVariances) -> [Variances; 2] {
+        self.unaided = advanced(self.unaided, self.whole.as_ref(), self.ratio, own);
+        [squares(self.unaided); 2]
     }
 
     /// Variance of the correlated part of the separation between the filter without the satellite of one

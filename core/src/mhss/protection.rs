@@ -41,6 +41,9 @@ pub struct FaultPriors {
     /// That a constellation is, by its number. [ARAIM-ADD] suggests 1e-4 for those without a commitment, 1e-8 for
     /// GPS.
     pub constellation: [f64; MAX_CLOCKS],
+    /// That an aid (a barometer, a standstill that was none) is wrong beyond its sigma: as a satellite, by
+    /// choice (docs/decisions/017-aids.md).
+    pub aids: f64,
 }
 
 impl FaultPriors {
@@ -53,6 +56,7 @@ impl FaultPriors {
             priors[System::Gps.index()] = 1e-8;
             priors
         },
+        aids: 1e-5,
     };
 }
 

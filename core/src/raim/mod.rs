@@ -11,6 +11,7 @@
 
 pub mod araim;
 pub mod bias;
+pub mod bounded;
 pub mod exclusion;
 pub mod igg3;
 pub mod level;

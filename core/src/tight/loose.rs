@@ -300,16 +300,11 @@ impl TightMonitor {
     /// tested it; its levels are the receiver's own accuracies.
     #[inline(never)]
     pub(crate) fn align_with_fix(&mut self, fix: &ReceiverFix) {
+        let (velocity_enu_mps, sigma_enu_mps) = self.velocity_of(fix);
         let Some(from) = &fix.solution else {
-            self.align(fix.time, None);
+            self.align(fix.time, None, &sigma_enu_mps);
             return;
         };
-        let velocity_enu_mps = from.velocity.map(
-            |FixVelocity {
-                 ned_mps: [north, east, down],
-                 ..
-             }| [east, north, -down],
-        );
         let solution = SnapshotSolution {
             r_e_m: geodesy::to_ecef(&from.llh).into(),
             llh: from.llh,
@@ -327,7 +322,33 @@ impl TightMonitor {
             levels_m: [from.horizontal_accuracy_m, from.vertical_accuracy_m]
                 .map(|accuracy_m| LEVEL_SIGMAS * accuracy_m),
         };
-        self.align(fix.time, Some(&tested));
+        self.align(fix.time, Some(&tested), &sigma_enu_mps);
+    }
+
+    /// After a fix: whether the filter's position is told.
+    pub(crate) fn earn_with_fix(&mut self, fix: &ReceiverFix, solution: &TightSolution) -> bool {
+        let (velocity_enu_mps, sigma_enu_mps) = self.velocity_of(fix);
+        self.earn(fix.time, solution, velocity_enu_mps, &sigma_enu_mps)
+    }
+
+    /// Velocity of a fix, east, north, up, m/s, and one sigma of it, as stated times the factor of the configuration.
+    fn velocity_of(&self, fix: &ReceiverFix) -> (Option<[f64; 3]>, [f64; 3]) {
+        let velocity = fix
+            .solution
+            .as_ref()
+            .and_then(|solution| solution.velocity.as_ref());
+        let sigma_mps = self.config.as_ref().map_or(f64::INFINITY, |config| {
+            velocity.map_or(config.sigma.velocity_mps, |velocity| {
+                velocity.accuracy_mps * config.measurement.range_rate
+            })
+        });
+        let velocity_enu_mps = velocity.map(
+            |FixVelocity {
+                 ned_mps: [north, east, down],
+                 ..
+             }| [*east, *north, -down],
+        );
+        (velocity_enu_mps, [sigma_mps; 3])
     }
 
     /// Observations have come: a loosely coupled filter gives way. Tight mode begins with the next solution

@@ -219,9 +219,9 @@ impl TightMonitor {
         Ok(())
     }
 
-    /// Satellites that the bank has excluded: no opinion uses them.
+    /// Satellites that the bank has excluded: no opinion uses them, once its filters are believed.
     pub(crate) fn excluded(&self) -> SatelliteSet {
-        if self.is_running() {
+        if self.has_earned() {
             self.bank.excluded()
         } else {
             SatelliteSet::EMPTY
@@ -276,6 +276,7 @@ impl TightMonitor {
             self.bank
                 .for_each_filter(&mut fast.sub, secondaries, |filter| change.apply(filter));
         }
+        self.note_speed(tested);
         self.make_rows(&at);
         self.recording.named = named;
         self.recording.withheld = self.withhold_unexplainable();
@@ -387,11 +388,13 @@ impl TightMonitor {
     pub(crate) fn on_silence_with_bank(
         &mut self,
         due: GpsTime,
+        until: GpsTime,
         memory: BankMemory<'_>,
         meter: &mut Meter<'_, impl CycleCounter>,
     ) -> Option<TightSolution> {
         self.recording.opinion = None;
         self.bank_verdict = None;
+        self.release(until);
         let at = self.remembered.take().filter(|at| at.time == due)?;
         if !self.is_running() {
             return None;
@@ -497,6 +500,8 @@ impl TightMonitor {
         let MonitorFastFilters { main, sub } = fast;
         self.navigator.lend(main);
         self.exclude_named(main, sub, secondaries);
+        self.ask_aids();
+        self.bank.aid(self.aids.information());
         self.give_places(&place, main, sub, secondaries);
         let Self {
             bank,
@@ -507,6 +512,7 @@ impl TightMonitor {
         let summary = navigator.update_lent(main);
         let begin = meter.now();
         bank.update_constellations(sub);
+        bank.update_unaided(sub);
         if bank.pairs_are_dropped() {
             bank.update_sub(sub);
         } else {
@@ -519,6 +525,7 @@ impl TightMonitor {
         self.observe_excluded(place.time, main);
         self.navigator.take_back(main);
         let correction = self.navigator.finish().ok()?;
+        self.rereference_aids(&correction);
         self.bank.rereference(&correction, sub, secondaries);
         Some(summary)
     }
@@ -567,6 +574,9 @@ impl TightMonitor {
                 recording.correlated.begin_constellation(constellation);
             }
         }
+        if bank.monitor_aids(main, sub) {
+            recording.correlated.begin_unaided();
+        }
         bank.note_predictions(main, sub, &place.c_enu_e);
     }
 
@@ -583,6 +593,7 @@ impl TightMonitor {
             recording,
             quantiles,
             bank_verdict,
+            aids,
             ..
         } = self;
         let criterion = Criterion {
@@ -598,8 +609,17 @@ impl TightMonitor {
             secondaries,
         );
         let is_young = recording.young_ns > 0;
+        let aids_were_wrong =
+            verdict.detected && bank.aids_explain(&recording.postfit, true, main, sub);
+        if aids_were_wrong && bank.exclude_aids(main, sub, secondaries) {
+            aids.exclude(place.time);
+            recording.correlated.exclude_aids();
+            recording.blind_ns = BLIND_NS;
+            recording.young_ns = BLIND_NS;
+            verdict.isolated = None;
+        }
         let explanation = verdict.isolated.map(Explanation::One).or_else(|| {
-            let explains = verdict.detected;
+            let explains = verdict.detected && !aids_were_wrong;
             let explanation =
                 explains.then(|| bank.explain(&recording.postfit, true, sub, secondaries))??;
             // A young filter without a constellation still holds what that did.
@@ -622,7 +642,7 @@ impl TightMonitor {
                 recording.young_ns = BLIND_NS;
             }
         }
-        if explanation.is_some() {
+        if explanation.is_some() || aids_were_wrong {
             // What is left is tested as it is now; its levels are those after the exclusion.
             solve_correlated(bank, recording, &place.c_enu_e);
             let after = bank.assess(

@@ -1,7 +1,9 @@
 //! Tight mode by itself; through the whole monitor: host-tests/tests/tight_mode.rs.
 
 use super::*;
-use crate::ins::{ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange};
+use crate::ins::{
+    AttitudeStart, ClockNoise, InertialNoise, InitialSigma, MeasurementFactors, SensorRange,
+};
 use crate::integrity::Phase;
 use std::boxed::Box;
 
@@ -101,7 +103,7 @@ fn why_tight_mode_ended_is_told_once_whatever_came_after() {
     feed(&mut tight, 0, 500);
     feed(&mut tight, 700, 1000);
     tight.meets(at(1000));
-    tight.align(at(1000), None);
+    tight.align(at(1000), None, &[0.1; 3]);
     assert_eq!(tight.status(), InertialStatus::Aligning);
     assert_eq!(tight.tell(), InertialStatus::ImuSilent);
     assert_eq!(tight.tell(), InertialStatus::Aligning);
@@ -158,11 +160,11 @@ fn the_antenna_of_a_due_epoch_is_kept_until_it_is_told() {
     feed(&mut tight, 1000, 1500);
     tight.remember(at(1000));
     assert_eq!(tight.remembered, Some(then));
-    let told = tight.on_silence(at(1000)).unwrap();
+    let told = tight.on_silence(at(1000), at(1500)).unwrap();
     assert_eq!(told.r_e_m, then.r_e_m);
     assert!(told.used.is_empty() && told.clock_m.iter().all(Option::is_none));
     assert_eq!(tight.navigator.time(), at(1500));
-    assert!(tight.on_silence(at(1000)).is_none());
+    assert!(tight.on_silence(at(1000), at(1500)).is_none());
 }
 
 #[test]
@@ -214,4 +216,161 @@ fn an_attitude_from_the_future_is_none() {
     assert!(tight.recent_attitude(at(11_000)).is_some());
     assert!(tight.recent_attitude(at(11_001)).is_none());
     assert!(tight.recent_attitude(at(999)).is_none());
+}
+
+/// INT-128.
+#[test]
+fn int_128_the_position_now_is_the_nominal_carried_over_what_waits() {
+    let (mut late, mut at_once) = (running(), running());
+    late.expect(Some(at(1000)));
+    for (from, to) in [(0, 500), (500, 1000), (1000, 1290)] {
+        feed(&mut late, from, to);
+        feed(&mut at_once, from, to);
+        let expected = at_once.navigator.antenna(at(to));
+        assert_eq!(late.navigation_now(), Some(expected));
+        assert_eq!(at_once.navigation_now(), Some(expected));
+    }
+    assert_eq!(late.navigator.time(), at(990));
+    assert_eq!(late.horizon().held, 30);
+    // The epoch comes: the nominal goes on to it, and now stays now.
+    late.meets(at(1000)).unwrap();
+    assert_eq!(late.navigator.time(), at(1000));
+    assert_eq!(late.navigation_now().map(|now| now.time), Some(at(1290)));
+    late.lose(InertialStatus::ImuSilent);
+    assert_eq!(late.navigation_now(), None);
+}
+
+/// INT-126.
+#[test]
+fn int_126_an_epoch_that_the_nominal_has_passed_is_counted_and_not_met() {
+    let mut tight = running();
+    tight.expect(Some(at(1000)));
+    feed(&mut tight, 0, 1420);
+    // 400 ms before the newest sample, and a sample or two for epochs between samples.
+    assert_eq!(tight.navigator.time(), at(1020));
+    assert!(tight.meets(at(1000)).is_some());
+    assert_eq!(tight.horizon().too_late, 0);
+    feed(&mut tight, 1420, 1430);
+    for (count, milliseconds) in [(1, 1000), (2, 900), (3, 0)] {
+        assert!(tight.meets(at(milliseconds)).is_none());
+        assert_eq!(tight.status(), InertialStatus::EpochLate);
+        assert_eq!(tight.horizon().too_late, count);
+    }
+    // The next one is in time.
+    assert!(tight.meets(at(1400)).is_some());
+    assert_eq!(tight.status(), InertialStatus::Running);
+}
+
+/// Late for a second and more, and more than three times: then receiver and unit are of different times.
+#[test]
+fn a_fast_receiver_may_be_late_for_a_second_before_the_filter_is_given_up() {
+    let mut tight = running();
+    feed(&mut tight, 0, 5000);
+    for milliseconds in (1000..2000).step_by(100) {
+        assert!(tight.meets(at(milliseconds)).is_none());
+        assert_eq!(tight.status(), InertialStatus::EpochLate, "{milliseconds}");
+    }
+    assert!(tight.meets(at(2000)).is_none());
+    assert_eq!(tight.status(), InertialStatus::ImuTime);
+}
+
+/// A state that is given is carried on by the samples after it, those that wait included.
+#[test]
+fn a_state_that_is_given_late_goes_on_from_its_own_time() {
+    let mut tight = running();
+    tight.expect(None);
+    feed(&mut tight, 0, 300);
+    let state = InitialState {
+        time: at(100),
+        r_eb_e_m: [6_378_137.0, 5.0, 0.0],
+        v_eb_e_mps: [0.0; 3],
+        q_e_b: [1.0, 0.0, 0.0, 0.0],
+        gyro_bias_radps: [0.0; 3],
+        accel_bias_mps2: [0.0; 3],
+        clock_bias_m: 0.0,
+        clock_drift_mps: 0.0,
+    };
+    tight.start(&state);
+    assert_eq!(tight.navigator.time(), at(100));
+    assert_eq!(tight.navigation_now().map(|now| now.time), Some(at(300)));
+    tight.meets(at(200)).unwrap();
+    assert_eq!(tight.navigator.time(), at(200));
+}
+
+/// A snapshot solution of a receiver at rest where [`running`] stands.
+fn standing() -> SnapshotSolution {
+    let r_e_m = [6_378_137.0, 0.0, 0.0];
+    SnapshotSolution {
+        r_e_m,
+        llh: geodesy::to_llh(&r_e_m.into()).unwrap(),
+        clock_m: [Some(0.0); 3],
+        velocity_enu_mps: Some([0.01, -0.02, 0.03]),
+        clock_drift_mps: Some(0.0),
+        used: SatelliteSet::EMPTY,
+        n_observed: 8,
+        unused: [0; crate::gnss::solution::SATELLITE_REASONS],
+        no_broadcast_ionosphere: false,
+        steps: 1,
+    }
+}
+
+/// Epochs every ten seconds over a silence of the unit from 1 s to `silent_s`; then three with samples.
+fn after_a_silence(start: AttitudeStart, silent_s: i64) -> Box<TightMonitor> {
+    let mut tight = running();
+    let unit = InertialConfig { start, ..UNIT };
+    tight.config = Some(unit);
+    feed(&mut tight, 0, 1000);
+    tight.lose(InertialStatus::ImuSilent);
+    let solution = standing();
+    let tested = TestedSolution {
+        solution: &solution,
+        levels_m: [5.0, 8.0],
+    };
+    for second in (10..=silent_s).step_by(10) {
+        tight.meets(at(1000 * second));
+        tight.align(at(1000 * second), Some(&tested), &[0.05; 3]);
+        assert!(!tight.is_running());
+    }
+    for second in silent_s + 1..=silent_s + 3 {
+        feed(&mut tight, 1000 * (second - 1), 1000 * second);
+        if !tight.is_running() {
+            tight.meets(at(1000 * second));
+            tight.align(at(1000 * second), Some(&tested), &[0.05; 3]);
+        }
+    }
+    tight
+}
+
+/// INT-101.
+#[test]
+fn int_101_a_unit_at_rest_comes_back_by_the_heading_that_it_was_given() {
+    let given = AttitudeStart::Given {
+        roll_pitch_heading_rad: [0.0; 3],
+    };
+    let tight = after_a_silence(given, 300);
+    assert_eq!(tight.status(), InertialStatus::Running);
+    assert_eq!(tight.alignment_mode(), AlignmentMode::Kept);
+    let [north, east, heading] = tight.sigma_attitude_ned_rad().unwrap();
+    // Levelled anew, the heading widened.
+    assert!(north < 0.01 && east < 0.01 && (heading - 0.3).abs() < 1e-3);
+    // Where nobody said that it is mounted on what does not turn, nobody saw whether it did.
+    let course = AttitudeStart::Course { min_speed_mps: 5.0 };
+    let tight = after_a_silence(course, 300);
+    assert!(!tight.is_running());
+    assert_eq!(tight.obstacle(), Obstacle::TooSlow);
+    let tight = after_a_silence(course, 10);
+    assert!(tight.is_running());
+}
+
+/// INT-101.
+#[test]
+fn int_101_a_filter_that_has_not_earned_it_keeps_no_attitude() {
+    let mut tight = running();
+    tight.earned = Earned::start(AlignmentMode::MagneticField, &[0.01; 3]);
+    feed(&mut tight, 0, 1000);
+    assert!(tight.is_running() && !tight.has_earned());
+    assert_eq!(tight.tell(), InertialStatus::Aligning);
+    assert!(tight.excluded().is_empty());
+    tight.lose(InertialStatus::ImuSilent);
+    assert_eq!(tight.last_attitude, None);
 }

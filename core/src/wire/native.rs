@@ -64,6 +64,12 @@ pub enum Kind {
     Pressure = 12,
     /// A sample of a magnetometer, into the monitor.
     MagneticField = 13,
+    /// The aids there are, into the monitor.
+    Aids = 15,
+    /// How late the receiver's epochs arrive, into the monitor.
+    ReceiverLatency = 34,
+    /// What is known of one of several inertial units, into the monitor.
+    Unit = 14,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -76,6 +82,8 @@ pub enum Kind {
     Satellites = 20,
     /// The inertial side at an epoch, after its report.
     InertialReport = 21,
+    /// What is known of a magnetometer and of the field where it is, into the monitor.
+    Magnetometer = 32,
     /// The receiver's own solution, into the monitor.
     ReceiverFix = 33,
 }
@@ -97,12 +105,16 @@ impl Kind {
             11 => Self::UnitSample,
             12 => Self::Pressure,
             13 => Self::MagneticField,
+            15 => Self::Aids,
+            34 => Self::ReceiverLatency,
+            14 => Self::Unit,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,
             19 => Self::Bank,
             20 => Self::Satellites,
             21 => Self::InertialReport,
+            32 => Self::Magnetometer,
             33 => Self::ReceiverFix,
             _ => return None,
         })

@@ -2,6 +2,7 @@
 //!
 //! | name | a trial | file |
 //! |---|---|---|
+//! | `alignment` | a start in each mode of alignment, its error against its sigma | `alignment.rs` |
 //! | `esbc-steps` | steps on satellites of a day of recording | `steps.rs` |
 //! | `filter-consistency` | flights of two minutes with each grade of inertial unit: normalised errors and innovations squared of the navigator, [`crate::consistency`] | |
 //! | `recording-faults` | a replay of ESBC, walk or drive with an inertial unit and faults one after the other | `recording_faults.rs` |
@@ -12,6 +13,10 @@
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
 //! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
+//! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
+//! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
+//! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
+//! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -19,12 +24,15 @@
 //! flight scored epoch by epoch. `outcome.rs` adds up trials and shards, `binomial.rs` says how sure
 //! a count is, `figure.rs` draws.
 
+pub mod aids;
+pub mod alignment;
 pub mod binomial;
 pub mod double_faults;
 pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod latency;
 pub mod monte_carlo;
 pub mod outcome;
 pub mod recording_faults;
@@ -36,6 +44,8 @@ pub mod sky;
 pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
+pub mod voting;
+pub mod wide_headings;
 
 use std::path::{Path, PathBuf};
 
@@ -49,43 +59,6 @@ use outcome::Campaign;
 
 /// Trials of `filter-consistency` unless told otherwise.
 const CONSISTENCY_TRIALS: u64 = 200;
-
-/// `robust`: its result, tables and picture.
-fn robust_estimation(args: &Args) -> Result<()> {
-    if args.shard.is_some() {
-        bail!("robust has no shards: give runs of different --seed instead");
-    }
-    let data = args.data.parent().unwrap_or(Path::new("."));
-    let trials = args.trials.unwrap_or(robust::TRIALS);
-    let config = args.settings.config()?;
-    let subjects = robust::recordings::subjects(data, &config, args.seed, false)?;
-    let result = robust::RobustResult {
-        campaign: "robust",
-        seed: args.seed,
-        trials,
-        subjects: subjects
-            .iter()
-            .map(|subject| robust::assess(subject, trials, args.seed))
-            .collect(),
-    };
-    let tables = robust::report::tables(&result);
-    print!("{tables}");
-    let json = serde_json::to_string_pretty(&result)? + "\n";
-    for (extension, text) in [
-        ("json", json),
-        ("md", tables),
-        ("svg", robust::report::figure(&result)),
-    ] {
-        let path = if extension == "json" {
-            args.out.clone()
-        } else {
-            args.out.with_extension(extension)
-        };
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        println!("written: {}", path.display());
-    }
-    Ok(())
-}
 
 /// Result of `filter-consistency`.
 #[derive(Serialize)]
@@ -121,7 +94,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, robust), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -159,13 +132,17 @@ pub fn run(args: &Args) -> Result<()> {
         "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
         name => name.to_owned(),
     };
-    if bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
+    if bank_campaign::<alignment::Alignment>(&name, args)?
+        || bank_campaign::<wide_headings::WideHeadings>(&name, args)?
+        || bank_campaign::<seed_ramp::SeedRamp>(&name, args)?
         || bank_campaign::<seed_sweep::SeedSweep>(&name, args)?
         || bank_campaign::<monte_carlo::MonteCarlo>(&name, args)?
         || bank_campaign::<false_alerts::FalseAlerts>(&name, args)?
         || bank_campaign::<double_faults::DoubleFaults>(&name, args)?
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
+        || bank_campaign::<latency::Latency>(&name, args)?
+        || bank_campaign::<voting::VotingCampaign>(&name, args)?
     {
         return Ok(());
     }
@@ -196,7 +173,22 @@ pub fn run(args: &Args) -> Result<()> {
         }
         "robust" => {
             check_out(&args.out)?;
-            return robust_estimation(args);
+            if args.shard.is_some() {
+                bail!("robust has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(robust::TRIALS);
+            let config = args.settings.config()?;
+            return robust::run(data, &config, trials, args.seed, &args.out);
+        }
+        "aids" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("aids has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(aids::TRIALS);
+            return aids::run(data, args.seed, trials, &args.out);
         }
         "recording-faults" => {
             check_out(&args.out)?;
@@ -212,7 +204,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, robust, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, or merge"
             )
         }
     };

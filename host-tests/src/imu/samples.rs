@@ -8,10 +8,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use surefix_core::ingest::{Event, Ingest};
-use surefix_core::ins::{ImuSample, InertialConfig};
+use surefix_core::ins::{ImuSample, InertialConfig, Magnetometer, UnitConfig, UnitSample};
 use surefix_core::time::{GpsTime, NS_PER_S};
 use surefix_core::wire::native::Frame;
 
+use super::Measured;
 use super::settings::{
     AccelerometerUnit, Column, FileSettings, GyroscopeUnit, ImuSettings, STANDARD_GRAVITY_MPS2,
     TimeScale,
@@ -26,8 +27,16 @@ const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
 pub struct Recorded {
     /// What is known of the unit.
     pub unit: InertialConfig,
+    /// What is known of a magnetometer beside it.
+    pub magnetometer: Option<Magnetometer>,
     /// Its samples, in the order of the file.
     pub samples: Vec<ImuSample>,
+    /// How long after its instant an epoch of the receiver beside it arrives, ns.
+    pub receiver_latency_ns: u32,
+    /// The units that vote, with their numbers; `unit` is then what the vote gives.
+    pub units: Vec<(u8, UnitConfig)>,
+    /// Their samples, in the order of the file; there are then no others.
+    pub unit_samples: Vec<(u8, UnitSample)>,
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -64,15 +73,34 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         read_csv(&text, file, settings.interval_ns()?).with_context(|| format!("{name}"))?;
     Ok(Recorded {
         unit,
+        magnetometer: settings.magnetometer()?,
         samples,
+        receiver_latency_ns: settings.receiver_latency_ns()?,
+        units: Vec::new(),
+        unit_samples: Vec::new(),
         bad_lines,
     })
 }
 
+impl Recorded {
+    /// Every sample.
+    pub fn measured(&self) -> Vec<Measured> {
+        let alone = self.samples.iter().copied().map(Measured::Alone);
+        let of_units = self.unit_samples.iter();
+        alone
+            .chain(of_units.map(|(unit, sample)| Measured::OfUnit(*unit, *sample)))
+            .collect()
+    }
+}
+
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
     let mut unit = settings.map(ImuSettings::inertial_config).transpose()?;
+    let mut latency_ns = settings.map(ImuSettings::receiver_latency_ns).transpose()?;
     let mut ingest = Box::new(Ingest::EMPTY);
+    let magnetometer = settings.map(ImuSettings::magnetometer).transpose()?;
+    let mut magnetometer = magnetometer.flatten();
     let (mut samples, mut rest) = (Vec::new(), bytes);
+    let (mut units, mut unit_samples) = (Vec::new(), Vec::new());
     loop {
         let (used, mut event) = ingest.push(rest);
         rest = rest.get(used..).unwrap_or_default();
@@ -81,8 +109,16 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         }
         match event {
             Event::Imu(sample) => samples.push(sample),
+            Event::Unit { unit, config } => units.push((unit, config)),
+            Event::UnitSample { unit, sample } => unit_samples.push((unit, sample)),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
+            }
+            Event::ReceiverLatency(said_ns) => {
+                latency_ns.get_or_insert(said_ns);
+            }
+            Event::Magnetometer(said) => {
+                magnetometer.get_or_insert(said);
             }
             Event::EpochReady | Event::CorrectedEpochReady => {
                 bail!("it holds observations too: give the whole stream as --gnss, without --imu")
@@ -97,15 +133,22 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         counters.native_refused,
         counters.cut_off_frames,
     ];
-    if samples.is_empty() {
+    if samples.is_empty() && unit_samples.is_empty() {
         bail!("it holds no inertial sample: give a recording of an inertial unit");
+    }
+    if !samples.is_empty() && !unit_samples.is_empty() {
+        bail!("it holds samples with and without the number of their unit: give one or the other");
     }
     let Some(unit) = unit else {
         bail!("it does not say what the unit is: add a section [imu] to the file of --config");
     };
     Ok(Recorded {
         unit,
+        magnetometer,
         samples,
+        receiver_latency_ns: latency_ns.unwrap_or(0),
+        units,
+        unit_samples,
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }

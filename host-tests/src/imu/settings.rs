@@ -9,9 +9,10 @@
 
 use anyhow::{Context, Result, bail};
 use serde::Deserialize;
+use surefix_core::ins::alignment::MagnetometerError;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, InertialConfig, InertialConfigError, InertialNoise, InitialSigma,
-    MeasurementFactors, SensorRange,
+    MAX_LATENCY_NS, Magnetometer, MeasurementFactors, SensorRange,
 };
 
 use crate::simulate::inertial::sensors::Grade;
@@ -29,6 +30,8 @@ pub struct ImuSettings {
     rate_hz: f64,
     /// Preset of noise and first biases.
     grade: Grade,
+    /// How long after its instant an epoch of the receiver arrives.
+    receiver_latency_s: Option<f64>,
     file: Option<FileSettings>,
     mounting: Option<Mounting>,
     lever_arm: LeverArm,
@@ -37,6 +40,7 @@ pub struct ImuSettings {
     clock: Clock,
     measurement: Option<Measurement>,
     start: Start,
+    magnetometer: Option<MagnetometerSettings>,
     sigma: Option<Sigma>,
 }
 
@@ -183,6 +187,30 @@ enum Start {
         pitch_deg: f64,
         heading_deg: f64,
     },
+    Gyrocompass {
+        max_heading_sigma_deg: f64,
+    },
+    #[serde(rename = "magnetic_field")]
+    MagneticField {},
+    Automatic {
+        min_speed_mps: f64,
+        max_heading_sigma_deg: f64,
+    },
+}
+
+/// Section `[imu.magnetometer]`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct MagnetometerSettings {
+    hard_iron_ut: [f64; 3],
+    /// Rows; mounting included.
+    soft_iron: [[f64; 3]; 3],
+    declination_deg: f64,
+    sigma_declination_deg: f64,
+    declination_year: f64,
+    dip_deg: f64,
+    strength_ut: f64,
+    sigma_ut: f64,
 }
 
 /// Section `[imu.sigma]`: what is known of the first state.
@@ -197,6 +225,20 @@ struct Sigma {
     accel_bias_mg: Option<f64>,
     clock_bias_m: Option<f64>,
     clock_drift_mps: Option<f64>,
+}
+
+/// A latency of a receiver, ns.
+///
+/// # Errors
+/// When it is negative, no number, or beyond the filter's history.
+pub fn latency_ns(latency_s: f64) -> Result<u32> {
+    let longest_s = MAX_LATENCY_NS as f64 / 1e9;
+    if !(0.0..=longest_s).contains(&latency_s) {
+        bail!(
+            "a latency of {latency_s} s is not between 0 and {longest_s}: the filter keeps no longer history"
+        );
+    }
+    Ok((latency_s * 1e9).round() as u32)
 }
 
 impl Mounting {
@@ -244,6 +286,14 @@ impl ImuSettings {
         Ok((1e9 / rate_hz).round() as u32)
     }
 
+    /// How long after its instant an epoch of the receiver arrives, ns.
+    ///
+    /// # Errors
+    /// When it is negative, no number, or beyond the filter's history.
+    pub fn receiver_latency_ns(&self) -> Result<u32> {
+        latency_ns(self.receiver_latency_s.unwrap_or(0.0)).context("[imu] receiver_latency_s")
+    }
+
     /// What the monitor has to know.
     ///
     /// # Errors
@@ -267,12 +317,35 @@ impl ImuSettings {
         // With the course the level is that of a moving vehicle, and the heading where it slips.
         let (start, level, heading) = match self.start {
             Start::Course { min_speed_mps } => {
-                if !(0.5..=100.0).contains(&min_speed_mps) {
+                check_speed(min_speed_mps)?;
+                (AttitudeStart::Course { min_speed_mps }, 2.0, 5.0)
+            }
+            Start::Gyrocompass {
+                max_heading_sigma_deg,
+            } => {
+                let start = AttitudeStart::Gyrocompass {
+                    max_heading_sigma_rad: max_heading_sigma_deg.to_radians(),
+                };
+                (start, 2.0, 5.0)
+            }
+            Start::MagneticField {} => {
+                if self.magnetometer.is_none() {
                     bail!(
-                        "[imu.start] min_speed_mps = {min_speed_mps} is not between 0.5 and 100: below, the course is noise"
+                        "[imu.start] attitude = \"magnetic_field\" needs a section [imu.magnetometer]"
                     );
                 }
-                (AttitudeStart::Course { min_speed_mps }, 2.0, 5.0)
+                (AttitudeStart::MagneticField, 2.0, 5.0)
+            }
+            Start::Automatic {
+                min_speed_mps,
+                max_heading_sigma_deg,
+            } => {
+                check_speed(min_speed_mps)?;
+                let start = AttitudeStart::Automatic {
+                    min_speed_mps,
+                    max_heading_sigma_rad: max_heading_sigma_deg.to_radians(),
+                };
+                (start, 2.0, 5.0)
             }
             Start::Given {
                 roll_deg,
@@ -370,6 +443,10 @@ impl ImuSettings {
             Err(InertialConfigError::Mounting) => {
                 bail!("[imu.mounting] holds an angle that is no number")
             }
+            Err(InertialConfigError::HeadingLimit { value_rad }) => bail!(
+                "[imu.start] max_heading_sigma_deg = {} is not between 0 and 45",
+                value_rad.to_degrees()
+            ),
             Err(InertialConfigError::LeverArm) => bail!(
                 "[imu.lever_arm] puts the antenna more than 100 m from the unit: give both in metres, forward, right, down"
             ),
@@ -379,6 +456,46 @@ impl ImuSettings {
             .context("[imu.noise], [imu.clock], [imu.measurement], [imu.range] or [imu.sigma]"),
         }
     }
+}
+
+impl ImuSettings {
+    /// What the monitor has to know of a magnetometer, where there is one.
+    ///
+    /// # Errors
+    /// When a number is outside its range.
+    pub fn magnetometer(&self) -> Result<Option<Magnetometer>> {
+        let Some(settings) = self.magnetometer else {
+            return Ok(None);
+        };
+        let magnetometer = Magnetometer {
+            hard_iron_s_ut: settings.hard_iron_ut,
+            soft_iron_b_s: settings.soft_iron,
+            declination_rad: settings.declination_deg.to_radians(),
+            sigma_declination_rad: settings.sigma_declination_deg.to_radians(),
+            declination_year: settings.declination_year,
+            dip_rad: settings.dip_deg.to_radians(),
+            strength_ut: settings.strength_ut,
+            sigma_ut: settings.sigma_ut,
+        };
+        match magnetometer.check() {
+            Ok(()) => Ok(Some(magnetometer)),
+            Err(MagnetometerError::OutOfRange { value }) => bail!(
+                "[imu.magnetometer] holds {value} (angles in radians): fields are in microtesla, angles in degrees, the year as 2026.5"
+            ),
+            Err(MagnetometerError::SoftIron { determinant }) => bail!(
+                "[imu.magnetometer] soft_iron has the determinant {determinant}: give the matrix, by rows, that takes what the magnetometer reads without its hard iron to forward, right, down; near to a rotation"
+            ),
+        }
+    }
+}
+
+fn check_speed(min_speed_mps: f64) -> Result<()> {
+    if !(0.5..=100.0).contains(&min_speed_mps) {
+        bail!(
+            "[imu.start] min_speed_mps = {min_speed_mps} is not between 0.5 and 100: below, the course is noise"
+        );
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -460,6 +577,69 @@ mod tests {
         close(sheet.noise.vrw, 70e-6 * 9.806_65);
         assert_eq!(sheet.noise.gyro_bias_walk, config.noise.gyro_bias_walk);
         close(sheet.sigma.attitude_ned_rad[2], 10_f64.to_radians());
+    }
+
+    /// INT-123.
+    #[test]
+    fn int_123_a_receivers_latency_is_read_and_refused_beyond_the_history() {
+        let latency = |more: &str| settings(more).receiver_latency_ns();
+        assert_eq!(latency("").unwrap(), 0);
+        assert_eq!(latency("receiver_latency_s = 0.12").unwrap(), 120_000_000);
+        for wrong in ["-0.01", "0.401", "nan", "inf"] {
+            let error = latency(&format!("receiver_latency_s = {wrong}")).unwrap_err();
+            assert!(
+                format!("{error:#}").contains("receiver_latency_s"),
+                "{error:#}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_start_by_itself_needs_what_it_asks() {
+        let start = |start: &str, more: &str| -> Result<AttitudeStart> {
+            let text = WHOLE.replace(r#"attitude = "course", min_speed_mps = 2.0"#, start);
+            let settings: ImuSettings = toml::from_str(&format!("{text}\n{more}"))?;
+            settings.magnetometer()?;
+            Ok(settings.inertial_config()?.start)
+        };
+        let compass = start(
+            r#"attitude = "gyrocompass", max_heading_sigma_deg = 10"#,
+            "",
+        );
+        assert!(matches!(
+            compass.unwrap(),
+            AttitudeStart::Gyrocompass { .. }
+        ));
+        let wide = start(
+            r#"attitude = "gyrocompass", max_heading_sigma_deg = 50"#,
+            "",
+        );
+        assert!(wide.unwrap_err().to_string().contains("between 0 and 45"));
+        let magnetic = r#"attitude = "magnetic_field""#;
+        let without = start(magnetic, "").unwrap_err().to_string();
+        assert!(without.contains("[imu.magnetometer]"), "{without}");
+        let calibrated = "[magnetometer]
+            hard_iron_ut = [1, 2, 3]
+            soft_iron = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+            declination_deg = 4.2
+            sigma_declination_deg = 0.5
+            declination_year = 2026.5
+            dip_deg = 67
+            strength_ut = 50
+            sigma_ut = 0.5";
+        assert!(matches!(
+            start(magnetic, calibrated).unwrap(),
+            AttitudeStart::MagneticField
+        ));
+        let mirrored = calibrated.replace("[0, 0, 1]", "[0, 0, -1]");
+        let refused = start(magnetic, &mirrored).unwrap_err().to_string();
+        assert!(refused.contains("soft_iron"), "{refused}");
+        let automatic =
+            r#"attitude = "automatic", min_speed_mps = 2.0, max_heading_sigma_deg = 10"#;
+        assert!(matches!(
+            start(automatic, "").unwrap(),
+            AttitudeStart::Automatic { .. }
+        ));
     }
 
     #[test]

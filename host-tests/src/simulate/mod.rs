@@ -34,11 +34,12 @@ use atmosphere::Ionosphere;
 use disturbances::Disturbances;
 use flight::Flight;
 use inertial::sensors::Grade;
+use inertial::unit_faults::UnitFaultSpec;
 use receiver::{Conditions, Epoch, Receiver};
 use stream::{Format, Stream};
 
 /// Time of week of the first epoch, s: ten minutes past a reference time of the ephemerides.
-const START_TOW_S: i64 = 274_200;
+pub(crate) const START_TOW_S: i64 = 274_200;
 /// Longest simulation, s.
 const MAX_DURATION_S: f64 = 172_800.0;
 
@@ -94,10 +95,32 @@ pub struct Command {
     /// Inertial samples per second: 50 to 400, 100 unless told otherwise.
     #[arg(long, alias = "rate", value_name = "HZ")]
     imu_rate_hz: Option<u32>,
+    /// How long after its instant an epoch of the receiver arrives, s: at most 0.4. It is put into imu.sfx, and
+    /// replay with --imu delays the epochs by it
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    latency: f64,
     /// Galileo too in a flight with an inertial unit, which has GPS and BDS: 26 satellites and more in
     /// place of 20
     #[arg(long)]
     galileo: bool,
+    /// Three inertial units that vote, in units.sfx: at 100, 200 and 125 samples per second, each mounted in its
+    /// own way
+    #[arg(long)]
+    units: bool,
+    /// Fault of one of them: `UNIT:KIND:MAG:T0:T1[:AXIS]`, KIND one of step, drift, scale, stuck, noise,
+    /// silence, offset; may be given several times
+    #[arg(
+        long,
+        value_name = "SPEC",
+        requires = "units",
+        allow_hyphen_values = true
+    )]
+    imu_fault: Vec<UnitFaultSpec>,
 }
 
 /// What a simulation produced.
@@ -337,8 +360,11 @@ impl Command {
     /// # Errors
     /// When the arguments do not go together, or a file cannot be written.
     pub fn run(&self) -> Result<()> {
-        let has_unit = self.imu.is_some() || self.imu_rate_hz.is_some();
+        let has_unit = self.imu.is_some() || self.imu_rate_hz.is_some() || self.units;
         if self.args.name.track().is_some() && !has_unit {
+            if self.latency != 0.0 {
+                bail!("--latency is that of a receiver beside an inertial unit: give --imu too");
+            }
             return run(&self.args);
         }
         let scenario = inertial::fly(&self.request()?)?;
@@ -349,7 +375,11 @@ impl Command {
             format: self.args.receiver,
         };
         let receiver = inertial::board::receiver_bytes(&scenario, &radio)?;
-        let imu = inertial::board::imu_bytes(&scenario)?;
+        let latency_ns = crate::imu::latency_ns(self.latency).context("--latency")?;
+        let mut imu = inertial::board::imu_bytes(&scenario)?;
+        if latency_ns > 0 {
+            imu.extend(inertial::board::latency_bytes(latency_ns)?);
+        }
         let folder = inertial::folder::files(&scenario, self.args.receiver);
         let mut files: Vec<(&str, &[u8])> = folder
             .iter()
@@ -357,6 +387,13 @@ impl Command {
             .collect();
         files.push((self.args.receiver.file(), &receiver));
         files.push(("imu.sfx", &imu));
+        let units = self
+            .units
+            .then(|| inertial::board::units_bytes(&scenario, &self.imu_fault))
+            .transpose()?;
+        if let Some(units) = &units {
+            files.push(("units.sfx", units));
+        }
         write(&self.args.out, &files)?;
         println!(
             "{}: {} s, {} inertial samples ({}), {} receiver epochs in {}",

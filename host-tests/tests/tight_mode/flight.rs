@@ -19,6 +19,7 @@ use surefix_core::config::{Config, IonosphereModel, TroposphereModel};
 use surefix_core::consts::{OMEGA_EARTH_WGS84_RADPS, SPEED_OF_LIGHT_MPS};
 use surefix_core::frames::rotation;
 use surefix_core::gnss::{Ephemeris, ObservationEpoch, Signal, SignalObservation, System};
+use surefix_core::inertial_report::InertialReport;
 use surefix_core::ingest::{
     MAX_EPOCH_BYTES, encode_configuration, encode_end_of_stream, encode_ephemeris, encode_imu,
     encode_inertial, encode_initial_state, encode_observations,
@@ -369,8 +370,26 @@ pub fn run(unit: &InertialConfig, inputs: &[Input]) -> Vec<Row> {
     rows
 }
 
+/// The same with what is known of the inertial side at each.
+pub fn run_with_inertial(
+    unit: &InertialConfig,
+    inputs: &[Input],
+) -> (Vec<Row>, Vec<Option<InertialReport>>) {
+    let reader = read(unit, inputs);
+    let rows: Vec<Row> = reader.reports.into_iter().map(Row::new).collect();
+    for row in &rows {
+        row.check();
+    }
+    (rows, reader.inertial)
+}
+
 /// The same without the checks, for inputs of another time or place than the flight.
 pub fn run_unchecked(unit: &InertialConfig, inputs: &[Input]) -> Vec<Row> {
+    let reader = read(unit, inputs);
+    reader.reports.into_iter().map(Row::new).collect()
+}
+
+fn read(unit: &InertialConfig, inputs: &[Input]) -> OutputReader {
     let mut stream = preamble(unit);
     for input in inputs {
         stream.extend(input.bytes());
@@ -381,7 +400,7 @@ pub fn run_unchecked(unit: &InertialConfig, inputs: &[Input]) -> Vec<Row> {
         .run(&stream, &mut |piece| reader.push(piece))
         .unwrap();
     assert_eq!(reader.damaged, 0);
-    reader.reports.into_iter().map(Row::new).collect()
+    reader
 }
 
 /// A report and how far it is from the truth.

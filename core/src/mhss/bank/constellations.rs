@@ -68,7 +68,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             if place.is_none() {
                 continue;
             }
-            self.without.clear();
+            self.without.clone_from(&self.aid);
             for (member, row) in self.members.iter().zip(&self.rows) {
                 if let Some(row) = row
                     && member.satellite.system() != system

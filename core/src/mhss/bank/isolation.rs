@@ -100,6 +100,39 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             })
     }
 
+    /// Whether the aids explain the epoch's failed test: the filter without them fits all satellites, its own
+    /// test failed, and no filter that has the aids fits the satellites it has. To be asked before
+    /// satellites are blamed: a filter that an aid has drawn away disagrees with many of them.
+    #[inline(never)]
+    pub fn aids_explain(
+        &self,
+        limits: &PostfitLimits,
+        vertical: bool,
+        main: &Filter<K, M>,
+        sub: &SubFilters<K, M>,
+    ) -> bool {
+        if !self.unaided.is_some_and(|own| own.is_failed(vertical)) {
+            return false;
+        }
+        let fits = |fit: Fit| limits.fits(fit.sum_of_squares, fit.rows);
+        let unaided = self.fit(&sub.unaided, |_| true);
+        // Without a satellite there is nothing that could speak for or against it.
+        if !fits(unaided) {
+            return false;
+        }
+        let aided = self.fit(main, |_| true);
+        if !(aided.sum_of_squares > unaided.sum_of_squares + MARGIN) {
+            return false;
+        }
+        self.members.iter().all(|member| {
+            let filter = sub.filters.get(member.place);
+            filter.is_some_and(|filter| {
+                let fit = self.fit(filter, |satellite| satellite != member.satellite);
+                fit.sum_of_squares > unaided.sum_of_squares + MARGIN
+            })
+        })
+    }
+
     /// Two satellites without which everything fits, if no other two and no single one come near.
     fn two(
         &self,

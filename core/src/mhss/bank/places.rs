@@ -36,7 +36,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
 
     /// Filters without one satellite, one constellation, and two satellites where those have not been dropped.
     pub fn filters(&self) -> u32 {
-        let n = self.members.len() + self.constellations.iter().flatten().count();
+        let n = self.members.len()
+            + self.constellations.iter().flatten().count()
+            + usize::from(self.unaided.is_some());
         let pairs = if self.pairs_are_dropped {
             0
         } else {
@@ -206,7 +208,7 @@ impl<const K: usize, const M: usize> Bank<K, M> {
     }
 
     /// All filters begin as copies of the main one.
-    fn begin_all(
+    pub(super) fn begin_all(
         &mut self,
         main: &Filter<K, M>,
         sub: &mut SubFilters<K, M>,
@@ -221,6 +223,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             if place.is_some() {
                 own.clone_from(main);
             }
+        }
+        if self.unaided.is_some() {
+            sub.unaided.clone_from(main);
         }
         self.begin_secondaries(sub, secondaries);
         self.pairs_are_dropped = false;
@@ -273,14 +278,19 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             probability: self.prior(member.satellite, priors),
         });
         let constellations = self.constellation_separations();
-        satellites.chain(constellations.map(|(system, separation)| Hypothesis {
+        let constellations = constellations.map(|(system, separation)| Hypothesis {
             separation,
             probability: self.constellation_prior(system, priors),
-        }))
+        });
+        let unaided = self.unaided.iter().map(|separation| Hypothesis {
+            separation,
+            probability: priors.aids,
+        });
+        satellites.chain(constellations).chain(unaided)
     }
 
     /// Probability of the faults that no filter stands for: two satellites at once, a constellation and a
-    /// satellite of another, two constellations, GPS as a whole where it is alone. That another constellation is
+    /// satellite of another, two constellations, an aid and any of these, GPS as a whole where it is alone. That another constellation is
     /// faulty as a whole cannot be told where it is alone, and is not reckoned with there, as
     /// receiver-autonomous monitoring does not.
     pub fn p_unmonitored(&self, priors: &FaultPriors) -> f64 {
@@ -303,6 +313,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 .sum();
             pairs += prior * (of_others + of_systems);
             of_systems += prior;
+        }
+        if self.unaided.is_some() {
+            pairs += priors.aids * (sum + of_systems);
         }
         let gps = System::Gps.index();
         let gps_is_alone = self.constellations.get(gps).is_none_or(Option::is_none);
@@ -334,6 +347,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
                 *place = of(filter);
             }
         }
+        if self.unaided.is_some() {
+            self.predicted.unaided = of(&sub.unaided);
+        }
     }
 
     /// Places whose filters began at this epoch.
@@ -359,6 +375,9 @@ impl<const K: usize, const M: usize> Bank<K, M> {
             if place.is_some() {
                 change(filter);
             }
+        }
+        if self.unaided.is_some() {
+            change(&mut sub.unaided);
         }
         for (at, member) in self.members.iter().enumerate() {
             if let Some(filter) = sub.filters.get_mut(member.place) {

@@ -44,6 +44,10 @@ struct Sky {
 
 impl Sky {
     fn new(systems: &[System], errors_m: &[f64]) -> Self {
+        Self::with_aid(systems, errors_m, &EpochInformation::ZERO)
+    }
+
+    fn with_aid(systems: &[System], errors_m: &[f64], aid: &EpochInformation<M>) -> Self {
         let mut fixture = Fixture::new();
         let mut vague = Filter::EMPTY;
         let block = [1e8, 0.0, 0.0, 1e8, 0.0, 1e8];
@@ -61,6 +65,7 @@ impl Sky {
             hold_ns: 0,
         };
         let (sub, secondaries) = (&mut *fixture.sub, &mut *fixture.secondaries);
+        fixture.bank.aid(aid);
         fixture.bank.admit(
             &epoch,
             &fixture.main,
@@ -69,9 +74,12 @@ impl Sky {
             &mut fixture.information,
         );
         fixture.bank.monitor_constellations(&fixture.main, sub);
+        let begins = fixture.bank.monitor_aids(&fixture.main, sub);
+        assert_eq!(begins, aid.rows() > 0);
         let mut workspace = UpdateWorkspace::EMPTY;
         fixture.main.update(&fixture.information, &mut workspace);
         fixture.bank.update_constellations(sub);
+        fixture.bank.update_unaided(sub);
         fixture.bank.update(sub, secondaries);
         let mut limits = PostfitLimits::EMPTY;
         limits.fill(1e-3).unwrap();
@@ -284,4 +292,115 @@ fn places_go_to_those_the_position_would_miss() {
     // Not while the filters of the pairs are copies.
     assert_eq!(epoch(&mut bank, 70, missing.clone(), false), None);
     assert_eq!(epoch(&mut bank, 71, missing, true), Some(sat(30)));
+}
+
+/// An aid that says where the antenna is along the vertical, wrong by this much.
+fn height(error_m: f64) -> EpochInformation<M> {
+    let mut row = MeasurementRow::ZERO;
+    row.pseudorange[2] = 1.0;
+    row.weight = 4.0;
+    row.innovation_m = -error_m;
+    let mut information = EpochInformation::ZERO;
+    information.add_row(&row);
+    information
+}
+
+#[test]
+fn what_an_aid_says_is_in_every_filter_once_but_in_the_one_without_aids() {
+    let systems = [
+        System::Gps,
+        System::Gps,
+        System::Gps,
+        System::Bds,
+        System::Bds,
+        System::Bds,
+    ];
+    let errors_m = [1.0, -2.0, 0.5, 3.0, -1.0, 2.0];
+    let aid = height(4.0);
+    let sky = Sky::with_aid(&systems, &errors_m, &aid);
+    let Sky { fixture, .. } = &sky;
+    let of = |keeps: &dyn Fn(usize) -> bool, aid: Option<&EpochInformation<M>>| {
+        let mut filter = Filter::EMPTY;
+        let block = [1e8, 0.0, 0.0, 1e8, 0.0, 1e8];
+        filter.start(&[block; 5], &[1e8; K]);
+        let mut information = EpochInformation::ZERO;
+        for k in (0..systems.len()).filter(|k| keeps(*k)) {
+            let name = Satellite::new(systems[k], k as u8 + 6).unwrap();
+            information.add_row(&directed(name, DIRECTIONS[k], errors_m[k]).row);
+        }
+        if let Some(aid) = aid {
+            information.add(aid);
+        }
+        filter.update(&information, &mut UpdateWorkspace::EMPTY);
+        filter
+    };
+    let near = |a: &Filter<K, M>, b: &Filter<K, M>| {
+        let (a, b) = (a.state().navigation[0], b.state().navigation[0]);
+        assert!((0..3).all(|i| (a[i] - b[i]).abs() < 1e-6), "{a:?} {b:?}");
+    };
+    let name = |k: usize| Satellite::new(systems[k], k as u8 + 6).unwrap();
+    near(&fixture.main, &of(&|_| true, Some(&aid)));
+    near(fixture.sub.unaided(), &of(&|_| true, None));
+    for k in 0..systems.len() {
+        let own = fixture.bank.sub_filter(name(k), &fixture.sub).unwrap();
+        near(own, &of(&|other| other != k, Some(&aid)));
+        for l in 0..k {
+            let two = [name(k), name(l)];
+            let own = fixture.bank.secondary(two, &fixture.secondaries).unwrap();
+            near(own, &of(&|other| other != k && other != l, Some(&aid)));
+        }
+    }
+    for system in [System::Gps, System::Bds] {
+        let own = fixture.sub.constellation(system).unwrap();
+        near(own, &of(&|k| systems[k] != system, Some(&aid)));
+    }
+    // One more hypothesis, and its pairs with all others.
+    let priors = FaultPriors::PRESET;
+    let without = Sky::new(&systems, &errors_m).fixture;
+    assert_eq!(
+        fixture.bank.hypotheses(&priors).count(),
+        without.bank.hypotheses(&priors).count() + 1
+    );
+    let pairs = fixture.bank.p_unmonitored(&priors) - without.bank.p_unmonitored(&priors);
+    assert!(
+        (pairs - 1e-5 * (6e-5 + 1e-4 + 1e-8)).abs() < 1e-15,
+        "{pairs}"
+    );
+}
+
+#[test]
+fn aid_that_is_wrong_is_left_out_of_all_filters() {
+    let mut sky = Sky::with_aid(&[System::Gps; 8], &[0.0; 8], &height(60.0));
+    let verdict = sky.fixture.test();
+    assert!(verdict.detected);
+    let Sky { fixture, limits } = &mut sky;
+    assert!(
+        fixture
+            .bank
+            .aids_explain(limits, true, &fixture.main, &fixture.sub)
+    );
+    let clean = fixture.sub.unaided().clone();
+    let (sub, secondaries) = (&mut *fixture.sub, &mut *fixture.secondaries);
+    let main = &mut fixture.main;
+    assert!(fixture.bank.exclude_aids(main, sub, secondaries));
+    assert_eq!(*main, clean);
+    for satellite in fixture.bank.satellites().iter() {
+        assert_eq!(fixture.bank.sub_filter(satellite, sub), Some(&clean));
+    }
+    assert!(fixture.bank.unaided_separation().is_none());
+    assert!(!fixture.bank.exclude_aids(main, sub, secondaries));
+}
+
+#[test]
+fn aid_is_not_blamed_for_a_satellite() {
+    for faulty in 0..8 {
+        let mut errors_m = [0.0; 8];
+        errors_m[faulty] = 200.0;
+        let mut sky = Sky::with_aid(&[System::Gps; 8], &errors_m, &height(0.5));
+        let verdict = sky.fixture.test();
+        assert!(verdict.detected, "{faulty}");
+        let fixture = &sky.fixture;
+        let (main, sub) = (&fixture.main, &fixture.sub);
+        assert!(!fixture.bank.aids_explain(&sky.limits, true, main, sub));
+    }
 }

@@ -33,6 +33,8 @@ mod risk;
 #[cfg(target_os = "none")]
 mod robust;
 #[cfg(target_os = "none")]
+mod sensors;
+#[cfg(target_os = "none")]
 mod sky;
 #[cfg(target_os = "none")]
 mod stages;
@@ -56,6 +58,7 @@ fn main() -> ! {
     bank::all(transition);
     araim::all();
     robust::all();
+    sensors::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

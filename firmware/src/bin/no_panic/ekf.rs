@@ -124,6 +124,11 @@ fn navigator(config: &InertialConfig, state: &InitialState, measurement: &Correc
     call1(Navigator::time, &navigator);
     call2(Navigator::shift, &mut navigator, 0);
     call2(Navigator::antenna, &navigator, time);
+    call2(
+        Navigator::carried_over,
+        &navigator,
+        core::iter::once((&increment, time)),
+    );
     let at = Navigator::predict(black_box(&mut navigator), black_box(time));
     call1(Navigator::transition, &navigator);
     call4(Navigator::add, &mut navigator, measurement, &at, Some(2));

@@ -230,6 +230,7 @@ fn solution() {
         SatelliteSet::EMPTY,
         None,
     );
+    call1(SnapshotWorkspace::velocity_sigma_enu_mps, &workspace);
     call1(SnapshotWorkspace::n_observed, &workspace);
     call1(SnapshotWorkspace::unused, &workspace);
     call1(SnapshotWorkspace::model, &workspace);

@@ -1,4 +1,5 @@
-//! An image that links only when no panic is reachable from any public function of surefix-core.
+//! An image that links only when no panic is reachable from any public function of surefix-core, nor from
+//! the drivers of sensors.
 //!
 //! Its panic handler (`fault.rs`, feature `no-panic`) calls a function that exists nowhere. Each
 //! module here calls the entries of a part of core with arguments the optimiser cannot see through;
@@ -7,9 +8,13 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod aids;
+#[cfg(target_os = "none")]
 mod araim;
 #[cfg(target_os = "none")]
 mod call;
+#[cfg(target_os = "none")]
+mod drivers;
 #[cfg(target_os = "none")]
 mod ekf;
 #[cfg(target_os = "none")]
@@ -49,6 +54,8 @@ fn main() -> ! {
     raim::all();
     araim::all();
     monitors::all();
+    drivers::all();
+    aids::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);

@@ -42,7 +42,13 @@ pub struct Plan {
 }
 
 impl Plan {
-    fn new(duration_s: u32, grade: Grade, phase: Phase, motion: Motion, anchor: Anchor) -> Self {
+    pub(crate) fn new(
+        duration_s: u32,
+        grade: Grade,
+        phase: Phase,
+        motion: Motion,
+        anchor: Anchor,
+    ) -> Self {
         let requirements = phase.requirements();
         Self {
             duration_s,
@@ -98,7 +104,7 @@ pub fn plan(flight: Flight) -> Result<Option<Plan>> {
 }
 
 /// A place over the threshold of the simulated runway.
-fn over_threshold(at_s: u32, above_m: f64) -> Anchor {
+pub(crate) fn over_threshold(at_s: u32, above_m: f64) -> Anchor {
     let (latitude_deg, longitude_deg, height_m) = THRESHOLD;
     Anchor {
         at_s,

@@ -21,6 +21,8 @@ pub mod motion;
 pub mod profile;
 pub mod sensors;
 pub mod trajectory;
+pub mod unit_faults;
+pub mod units;
 
 use anyhow::{Result, bail};
 use nalgebra::Vector3;
@@ -160,6 +162,15 @@ pub fn fly(request: &Request) -> Result<Scenario> {
             "{name} has no inertial unit; take lpv200 for an approach with one, or leave --imu and --imu-rate-hz out"
         );
     };
+    fly_plan(request, plan)
+}
+
+/// Simulates a flight that is in no catalogue; of the one asked for only the name is taken.
+///
+/// # Errors
+/// As [`fly`].
+pub(crate) fn fly_plan(request: &Request, plan: Plan) -> Result<Scenario> {
+    let name = request.flight.name();
     let imu_hz = request.imu_rate_hz;
     if !(50..=400).contains(&imu_hz) || NS_PER_S % i64::from(imu_hz) != 0 {
         bail!(
@@ -265,7 +276,7 @@ fn build(request: &Request, plan: Plan, duration_s: u32) -> Result<Scenario> {
 }
 
 /// How far a filter's start may be off.
-fn initial_sigma(grade: Grade) -> InitialSigma {
+pub(crate) fn initial_sigma(grade: Grade) -> InitialSigma {
     let noise = grade.noise();
     InitialSigma {
         position_m: 10.0,
@@ -279,7 +290,7 @@ fn initial_sigma(grade: Grade) -> InitialSigma {
 }
 
 /// The truth with a draw of the initial sigmas on it; biases are taken for zero.
-fn initial_state(
+pub(crate) fn initial_state(
     start: GpsTime,
     truth: &TruthRow,
     sigma: &InitialSigma,
