@@ -43,7 +43,7 @@ const AXES: [usize; 2] = [2, 5];
 
 /// What a piece left.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(tag = "part", rename_all = "lowercase")]
+#[serde(rename_all = "lowercase")]
 pub enum Record {
     /// A fault, watched.
     Fault(FaultRecord),
@@ -395,5 +395,42 @@ impl Campaign for VotingCampaign {
 
     fn report(outcome: &Outcome<Record>) -> String {
         tables::report(outcome)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_read_back_so_that_shards_can_be_merged() {
+        let record = Record::Sweep {
+            grade: "mems".into(),
+            kind: UnitFaultKind::Offset,
+            axis: 2,
+            size: 0.001,
+            isolated_s: None,
+            wrong: false,
+        };
+        let text = serde_json::to_string(&record).unwrap();
+        let read: Record = serde_json::from_str(&text).unwrap();
+        assert_eq!(serde_json::to_string(&read).unwrap(), text);
+    }
+
+    #[test]
+    fn every_kind_has_pieces_for_every_grade() {
+        let pieces = VotingCampaign::list(2);
+        for grade in 0..GRADES.len() {
+            let of = |wanted: fn(Piece, usize) -> bool| {
+                pieces.iter().filter(|p| wanted(**p, grade)).count() as u64
+            };
+            assert_eq!(
+                of(|p, g| matches!(p, Piece::Faults(of, _) if of == g)),
+                ONSETS
+            );
+            assert_eq!(of(|p, g| matches!(p, Piece::Sweep(of, _) if of == g)), 2);
+            let flights = of(|p, g| matches!(p, Piece::Healthy(of, _) if of == g));
+            assert!(flights as f64 * 480.0 >= HEALTHY_H * 3600.0);
+        }
     }
 }

@@ -272,6 +272,34 @@ fn alone(misfit: [f64; MAX_UNITS], threshold2: f64) -> Decision {
     Decision::Undetermined
 }
 
+/// The accelerometers' part.
+pub(super) fn force_of(rates: &Channels) -> Vector3<f64> {
+    Vector3::new(rates.w, rates.a, rates.b)
+}
+
+/// ρ² of every pair that can be compared.
+pub(super) fn differences(
+    rates: &[Option<Channels>; MAX_UNITS],
+    learned: &[Channels; MAX_UNITS],
+    spread: &[Channels; MAX_UNITS],
+    models: &[UnitModel; MAX_UNITS],
+    motion: &Motion,
+) -> [Option<Channels>; MAX_UNITS] {
+    let mut squares = [None; MAX_UNITS];
+    let all = squares.iter_mut().zip(pairs(rates)).zip(pairs(learned));
+    for (((square, rates), (of_a, of_b)), ((a, b), (spread_a, spread_b))) in
+        all.zip(pairs(models).into_iter().zip(pairs(spread)))
+    {
+        let (Some(rates_a), Some(rates_b)) = rates else {
+            continue;
+        };
+        let difference = (rates_a - of_a) - (rates_b - of_b);
+        let variance = motion.variance(&a, &b, &(spread_a + spread_b));
+        *square = Some(exceed(&difference, &motion.bound(&a, &b), &variance));
+    }
+    squares
+}
+
 /// The mid-value of three, the mean of two, per channel.
 pub(super) fn middle(of: &[Option<Channels>; MAX_UNITS]) -> Option<Channels> {
     match *of {

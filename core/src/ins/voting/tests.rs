@@ -1,5 +1,5 @@
 use super::*;
-use crate::ins::{InertialNoise, SensorRange};
+use crate::ins::{InertialNoise, SensorRange, UnitSample};
 use std::vec::Vec;
 
 /// A tactical unit.

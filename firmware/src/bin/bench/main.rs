@@ -32,7 +32,6 @@ mod output;
 mod risk;
 #[cfg(target_os = "none")]
 mod robust;
-#[cfg(target_os = "none")]
 mod sensors;
 #[cfg(target_os = "none")]
 mod sky;
@@ -57,8 +56,8 @@ fn main() -> ! {
     let transition = filter::all();
     bank::all(transition);
     araim::all();
-    robust::all();
     sensors::all();
+    robust::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

@@ -53,9 +53,9 @@ fn main() -> ! {
     mhss::all();
     raim::all();
     araim::all();
-    monitors::all();
     drivers::all();
     aids::all();
+    monitors::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);

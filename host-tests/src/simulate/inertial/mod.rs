@@ -5,6 +5,7 @@
 //! | `imu.csv`, `gnss.csv`, `init.csv`, `truth.csv`, `faults.csv` | a scenario folder |
 //! | `receiver.rtcm3` or `receiver.ubx` | the receiver of the same flight: same track, clock, noise and faults |
 //! | `imu.sfx` | native frames: what the unit is, and the samples of `imu.csv` |
+//! | `units.sfx` | with `--units`: native frames of three units that vote, each with errors of its own, faults of `--imu-fault` |
 //! | `scenario.toml` | what was simulated |
 //!
 //! Read in this order: `profile.rs` smooth functions of time, `motion.rs` a vehicle's velocity and
