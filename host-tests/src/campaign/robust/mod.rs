@@ -13,9 +13,13 @@
 pub mod recordings;
 pub mod report;
 
+use std::path::Path;
+
+use anyhow::{Context, Result};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
+use surefix_core::config::Config;
 use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::igg3::{
@@ -393,6 +397,37 @@ fn faulted_epochs(
         }
     }
     epochs
+}
+
+/// Runs the campaign on the recordings in a folder; writes its result and beside it tables and a picture.
+///
+/// # Errors
+/// When a recording is absent or unusable, or a file cannot be written.
+pub fn run(data: &Path, config: &Config, trials: u64, seed: u64, out: &Path) -> Result<()> {
+    let subjects = recordings::subjects(data, config, seed, false)?;
+    let result = RobustResult {
+        campaign: "robust",
+        seed,
+        trials,
+        subjects: subjects
+            .iter()
+            .map(|subject| assess(subject, trials, seed))
+            .collect(),
+    };
+    let tables = report::tables(&result);
+    print!("{tables}");
+    for (path, text) in [
+        (
+            out.to_owned(),
+            serde_json::to_string_pretty(&result)? + "\n",
+        ),
+        (out.with_extension("md"), tables),
+        (out.with_extension("svg"), report::figure(&result)),
+    ] {
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("written: {}", path.display());
+    }
+    Ok(())
 }
 
 /// The experiments of [P3] on one recording.
