@@ -22,7 +22,7 @@ use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
 use crate::ins::alignment::{
     AlignmentMode, CoarseAlignment, Magnetometer, MagnetometerError, Obstacle,
 };
-use crate::ins::horizon::Horizon;
+use crate::ins::horizon::{Aiding, Horizon};
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
@@ -370,9 +370,7 @@ impl TightMonitor {
 
     /// A sample of the magnetometer.
     pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
-        if let Some(sample) = self.horizon.put_field(sample) {
-            self.take_field(&sample);
-        }
+        self.await_increments(Aiding::Field(*sample));
     }
 
     /// Why there is no attitude, or why the filter that has one is not believed.

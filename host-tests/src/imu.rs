@@ -14,5 +14,5 @@ mod settings;
 pub(crate) use interleave::frames;
 pub use interleave::{Measured, Pending, interleave};
 pub use samples::{Recorded, read};
-pub use settings::ImuSettings;
 pub use settings::latency_ns;
+pub use settings::{ImuSettings, mounting_c_b_s};

@@ -4,6 +4,7 @@ pub mod aiding;
 pub mod araim;
 pub mod bridge;
 pub mod broadcast_encode;
+pub mod calibrate;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;

@@ -18,16 +18,19 @@ mod told;
 use std::fmt;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use surefix_core::budget::STAGES;
 use surefix_core::config::Config;
-use surefix_core::ingest::{encode_configuration, encode_end_of_stream, encode_inertial};
+use surefix_core::inertial_report::InertialReport;
+use surefix_core::ingest::{
+    encode_configuration, encode_end_of_stream, encode_inertial, encode_unit,
+};
 use surefix_core::ins::InertialConfig;
 use surefix_core::integrity::{Mode, Reason};
 use surefix_core::report::EpochReport;
 use surefix_core::wire::Counters;
-use surefix_core::wire::native::{Frame, HEADER_LEN, Kind, MAX_FRAME, TRAILER_LEN};
+use surefix_core::wire::native::{Frame, Full, HEADER_LEN, Kind, MAX_FRAME, TRAILER_LEN};
 
 use crate::faults::FaultSpec;
 use crate::nmea::{self, Sentence};
@@ -40,7 +43,7 @@ use crate::simulate::inertial::{self, Scenario, board};
 use crate::simulate::sky;
 use crate::simulate::stream::Format;
 use line::{BAUD, Line, merge, pieces};
-use sensors::{CLOCK_PPM, Compared, FLIGHT_HZ, Fleet, UnitFault};
+use sensors::{CLOCK_PPM, Compared, FLIGHT_HZ, Fleet, UnitFault, configs};
 use told::Told;
 pub use told::{ToldSensors, ToldUnit};
 
@@ -142,6 +145,8 @@ pub struct Outcome {
     pub most_waiting: u32,
     /// Part of the board's time in which it worked.
     pub load: f64,
+    /// What was said of the inertial side with each report.
+    pub inertial: Vec<Option<InertialReport>>,
     /// With units on the bus: what became of them.
     pub on_bus: Option<OnBus>,
     /// Everything the board sent before the end of the stream.
@@ -213,7 +218,7 @@ fn prepare(args: &Args) -> Result<(Scenario, Line)> {
     let mut unit = samples.remove(0).bytes;
     if args.units > 0 {
         samples.clear();
-        unit = fleet_frames(&scenario)?;
+        unit = fleet_frames(&scenario, args.units)?;
     }
     let mut all = merge(samples, receiver);
     let first = all.first_mut().context("there is nothing to send")?;
@@ -229,16 +234,22 @@ fn prepare(args: &Args) -> Result<(Scenario, Line)> {
 }
 
 /// What the monitor must know of the units on the bus.
-fn fleet_frames(scenario: &Scenario) -> Result<Vec<u8>> {
+fn fleet_frames(scenario: &Scenario, count: usize) -> Result<Vec<u8>> {
     let unit = InertialConfig {
         interval_ns: 5_000_000,
         ..board::unit(scenario)
     };
+    let full = |Full| anyhow!("a native frame did not encode");
     let mut frame = [0; MAX_FRAME];
-    match encode_inertial(&unit, &mut frame) {
-        Ok(length) => Ok(frame[..length].to_vec()),
-        Err(surefix_core::wire::native::Full) => bail!("a native frame did not encode"),
+    let length = encode_inertial(&unit, &mut frame).map_err(full)?;
+    let mut frames = frame[..length].to_vec();
+    // One unit alone has nobody to vote with.
+    let voters = if count > 1 { count } else { 0 };
+    for (number, config) in configs(scenario, voters).iter().enumerate() {
+        let length = encode_unit(number as u8, config, &mut frame).map_err(full)?;
+        frames.extend(&frame[..length]);
     }
+    Ok(frames)
 }
 
 /// Flies, on the board and on this machine.
@@ -320,6 +331,7 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
             .map(|bank| bank.tests.len())
             .collect(),
         on_bus,
+        inertial: board.inertial,
         output: there.output[..end].to_vec(),
         reports: board.reports,
         expected: host.reports,

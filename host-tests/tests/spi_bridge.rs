@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use surefix_core::ins::{UnitState, VotingMode};
 use surefix_core::integrity::Mode;
 use surefix_core::report::EpochReport;
 use surefix_firmware::ring::Ring;
@@ -29,7 +30,7 @@ fn fly(seconds: f64, args: &Args) -> Option<(Outcome, OnBus)> {
     Some((outcome, on_bus))
 }
 
-/// INT-080, INT-081, INT-007. The short form of `surefix real-time --units 3`.
+/// INT-080. The short form of `surefix real-time --units 3`.
 #[test]
 fn three_units_and_a_receiver_give_the_bytes_of_a_replay_and_no_sample_is_invented() {
     let Some((outcome, on_bus)) = fly(8.0, &Args::default()) else {
@@ -39,6 +40,10 @@ fn three_units_and_a_receiver_give_the_bytes_of_a_replay_and_no_sample_is_invent
     assert_eq!(outcome.bytes_lost, 0);
     let tight = |report: &&EpochReport| report.mode == Mode::Tight;
     assert!(outcome.reports.iter().filter(tight).count() > 50);
+
+    // The vote has all three, to the end.
+    let voted = outcome.inertial.iter().flatten().next_back().unwrap();
+    assert_eq!(voted.voting, VotingMode::Three, "{voted:?}");
 
     // All that the units made since the first pulse and its epochs, but for what came before.
     assert_eq!(on_bus.compared.invalid, 0);
@@ -81,6 +86,15 @@ fn a_run_repeats_and_faults_of_a_unit_show_in_its_counters() {
     assert!(silent.silent >= 5 && silent.starts >= 2, "{silent:?}");
     assert!(stuck.silent >= 1, "{stuck:?}");
     assert!(silent.is_running && stuck.is_running);
+    let states = |unit: usize| {
+        let reports = outcome.inertial.iter().flatten();
+        reports.map(move |report| report.units[unit].state)
+    };
+    for unit in [0, 2] {
+        assert!(states(unit).any(|state| state == UnitState::Used));
+        assert!(states(unit).any(|state| state == UnitState::Silent));
+    }
+    assert!(states(1).next_back() == Some(UnitState::Used));
     assert_eq!((healthy.silent, healthy.missed, healthy.starts), (0, 0, 1));
 
     let Some((again, again_on_bus)) = fly(6.0, &args) else {

@@ -205,7 +205,7 @@ pub enum InertialConfigError {
     Mounting,
     /// A lever arm longer than 100 m.
     LeverArm,
-    /// A limit for the sigma of a heading that is not between 0 and 45°.
+    /// A limit for the sigma of a heading that is not between 0 and 30°.
     HeadingLimit {
         /// The number given, rad.
         value_rad: f64,

@@ -58,11 +58,11 @@ mod tests {
     use crate::linalg::qr::WhitenedQr;
 
     const DIRECTIONS: [[f64; 3]; 5] = [
-        [0.8, 0.0, 0.6],
-        [-0.7, 0.3, 0.65],
-        [0.1, 0.8, 0.59],
-        [0.2, -0.75, 0.63],
-        [0.1, 0.05, 0.99],
+        [0.94, 0.0, 0.341],
+        [-0.47, 0.814, 0.341],
+        [-0.42, -0.84, 0.343],
+        [0.1, 0.05, 0.994],
+        [0.5, 0.5, 0.707],
     ];
 
     /// Satellites and a height of 3 m.
@@ -124,8 +124,8 @@ mod tests {
                 }
                 assert!(worst_h <= levels.hpl_m + 1e-9, "{worst_h} {levels:?}");
                 assert!(worst_v <= levels.vpl_m + 1e-9, "{worst_v} {levels:?}");
-                // With one degree of freedom the bound is reached.
-                if satellites == 4 {
+                // With one degree of freedom the bound is reached by the faults of a satellite.
+                if satellites == 4 && levels.horizontal_row != satellites {
                     assert!(worst_h > 0.9 * levels.hpl_m, "{worst_h} {levels:?}");
                 }
             }

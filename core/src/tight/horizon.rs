@@ -2,8 +2,8 @@
 //! when the epoch is taken.
 //!
 //! ```text
-//! intake, magnetometer ─► held samples ──up to the horizon──► nominal, alignment
-//!                               └─────── all of them ───────► navigation now
+//! intake, magnetometer, barometer ─► held samples ──up to the horizon──► nominal, alignment
+//!                                          └─────── all of them ───────► navigation now
 //! ```
 //!
 //! With an epoch that comes in time the filter does what it would have done had it come at once, to the
@@ -11,8 +11,8 @@
 
 use super::{CLOCKS, TightMonitor, UNSEEN_FORCE_MPS2, UNSEEN_RATE_RADPS};
 use crate::ekf::navigator::AntennaState;
-use crate::ins::horizon::{CAPACITY, Held, HorizonState, Limit};
-use crate::ins::{MagneticSample, Taken};
+use crate::ins::Taken;
+use crate::ins::horizon::{Aiding, CAPACITY, Held, HorizonState, Limit};
 use crate::time::GpsTime;
 
 impl TightMonitor {
@@ -55,10 +55,10 @@ impl TightMonitor {
     fn carry(&mut self, held: &Held) {
         self.step(&held.increment, held.time);
         for _ in 0..CAPACITY {
-            let Some(field) = self.horizon.pass_field() else {
+            let Some(aiding) = self.horizon.pass_aiding() else {
                 break;
             };
-            self.take_field(&field);
+            self.take_aiding(&aiding);
         }
         if !held.is_bridge {
             if let Some(due) = self.horizon.due() {
@@ -71,10 +71,21 @@ impl TightMonitor {
         }
     }
 
-    /// A sample of the magnetometer whose time the samples have come to.
-    pub(super) fn take_field(&mut self, sample: &MagneticSample) {
-        if !self.is_running() {
-            self.alignment.on_field(sample);
+    /// A sample of another sensor: taken when the increments up to its time have been carried on.
+    pub(super) fn await_increments(&mut self, aiding: Aiding) {
+        if let Some(aiding) = self.horizon.put_aiding(aiding) {
+            self.take_aiding(&aiding);
+        }
+    }
+
+    fn take_aiding(&mut self, aiding: &Aiding) {
+        match aiding {
+            Aiding::Field(sample) => {
+                if !self.is_running() {
+                    self.alignment.on_field(sample);
+                }
+            }
+            Aiding::Pressure(sample) => self.take_pressure(sample),
         }
     }
 

@@ -128,6 +128,8 @@ fn crc(bytes: &[u8]) -> u8 {
 /// One part.
 pub struct Bmp390 {
     registers: [u8; 128],
+    /// NVM_PAR_T1 to NVM_PAR_P11.
+    trimming: [u8; 21],
     busy_until_ns: u64,
     next_sample_ns: u64,
     now_ns: u64,
@@ -145,8 +147,16 @@ impl Default for Bmp390 {
 impl Bmp390 {
     /// A part after power-up.
     pub fn new() -> Self {
+        let mut trimming = [0; 21];
+        trimming.copy_from_slice(&COEFFICIENTS.bytes());
+        Self::with_trimming(trimming)
+    }
+
+    /// A part with these coefficients; what it measures is still made with the others.
+    pub fn with_trimming(trimming: [u8; 21]) -> Self {
         let mut part = Self {
             registers: [0; 128],
+            trimming,
             busy_until_ns: 0,
             next_sample_ns: u64::MAX,
             now_ns: 0,
@@ -179,9 +189,8 @@ impl Bmp390 {
         self.registers[DATA_0 + 5] = 0x80;
         self.registers[EVENT] = 0x01;
         self.registers[0x1c] = 0x02;
-        let bytes = COEFFICIENTS.bytes();
-        self.registers[TRIMMING] = crc(&bytes);
-        self.registers[TRIMMING + 1..TRIMMING + 1 + bytes.len()].copy_from_slice(&bytes);
+        self.registers[TRIMMING] = crc(&self.trimming);
+        self.registers[TRIMMING + 1..TRIMMING + 22].copy_from_slice(&self.trimming);
         self.edge_ns = None;
         self.next_sample_ns = u64::MAX;
     }

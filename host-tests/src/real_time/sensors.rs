@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use anyhow::{Result, anyhow, bail};
 use surefix_core::ingest::decode_unit_sample;
-use surefix_core::ins::UnitSample;
+use surefix_core::ins::{InertialNoise, SensorRange, UnitConfig, UnitSample, UnitTolerance};
 use surefix_core::time::NS_PER_S;
 use surefix_core::wire::native::{Frame, Kind};
 
@@ -53,6 +53,38 @@ const MAKES: [Make; 3] = [
 struct Make {
     interval_ns: u64,
     lsb: [f64; 2],
+}
+
+/// What the vote is told of the first `count` units: the grade of the flight and what the numbers of each make
+/// take as noise, mounted as the body is.
+pub fn configs(scenario: &Scenario, count: usize) -> Vec<UnitConfig> {
+    let grade = scenario.grade.noise();
+    let configs = MAKES.iter().take(count).map(|make| {
+        // A number that is rounded is off by its bit / √12, anew with each sample.
+        let root_s = (make.interval_ns as f64 * 1e-9).sqrt();
+        let [rate, force] = make.lsb.map(|lsb| lsb / 12.0_f64.sqrt() * root_s);
+        UnitConfig {
+            interval_ns: make.interval_ns as u32,
+            c_b_s: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            lever_arm_b_m: [0.0; 3],
+            noise: InertialNoise {
+                arw: grade.density.arw.hypot(rate),
+                vrw: grade.density.vrw.hypot(force),
+                ..grade.density
+            },
+            range: SensorRange {
+                rate_radps: 500.0 * DEG,
+                specific_force_mps2: 78.0,
+            },
+            tolerance: UnitTolerance {
+                gyro_bias_radps: grade.gyro_bias_radps,
+                accel_bias_mps2: grade.accel_bias_mps2,
+                scale: scenario.grade.scale(),
+                timing_s: 50e-6,
+            },
+        }
+    });
+    configs.collect()
 }
 
 /// A fault of a unit: `UNIT:KIND:T0:T1`, kinds `silent`, `stuck` (data-ready), s since the start of the flight.

@@ -38,6 +38,30 @@ fn pressure_and_temperature_read_within_a_step_over_the_whole_range() {
     assert_eq!(rig.faults, []);
 }
 
+/// Coefficients and numbers of a real part (a BMP388, whose compensation is the same) with what another
+/// program made of them: elixir-sensors/bmp3xx, test/bmp3xx/bmp388/calibration_test.exs.
+#[test]
+fn a_real_part_s_numbers_are_compensated_as_another_program_does() {
+    let trimming = [
+        0x23, 0x6b, 0x58, 0x49, 0xf6, 0x5c, 0xff, 0xce, 0xf4, 0x23, 0x00, 0xea, 0x63, 0x6e, 0x79,
+        0xf3, 0xf6, 0xaa, 0x43, 0x12, 0xc4,
+    ];
+    let part = parts::bmp390::Bmp390::with_trimming(trimming);
+    let mut rig: BmpRig = Rig::new(part, Bmp390::new);
+    rig.run_ns(40_000_000);
+    assert!(rig.is_running());
+    rig.sleep_ns(20_000_000);
+    for (place, value) in [0x97, 0x9f, 0x6d, 0x73, 0xd8, 0x85].into_iter().enumerate() {
+        rig.part().upset(0x04 + place as u8, value);
+    }
+    let now_ns = rig.now_ns;
+    rig.readings.clear();
+    rig.serve(Some(now_ns));
+    let reading = rig.readings[0];
+    assert!((reading.pressure_pa - 100_876.006_346_921_99).abs() < 1e-6);
+    assert!((reading.temperature_c - 30.499_314_453_874_284).abs() < 1e-9);
+}
+
 /// INT-071.
 #[test]
 fn a_start_with_something_wrong_is_told_and_tried_again() {

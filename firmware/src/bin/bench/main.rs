@@ -31,6 +31,8 @@ mod output;
 #[cfg(target_os = "none")]
 mod risk;
 #[cfg(target_os = "none")]
+mod robust;
+#[cfg(target_os = "none")]
 mod sensors;
 #[cfg(target_os = "none")]
 mod sky;
@@ -56,6 +58,7 @@ fn main() -> ! {
     bank::all(transition);
     araim::all();
     sensors::all();
+    robust::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

@@ -28,6 +28,8 @@ mod integrity;
 #[cfg(target_os = "none")]
 mod mhss;
 #[cfg(target_os = "none")]
+mod monitors;
+#[cfg(target_os = "none")]
 mod numbers;
 #[cfg(target_os = "none")]
 mod raim;
@@ -53,6 +55,7 @@ fn main() -> ! {
     araim::all();
     drivers::all();
     aids::all();
+    monitors::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);

@@ -23,7 +23,7 @@ const CFG2_SSM: u32 = 1 << 26;
 const CFG2_AFCNTR: u32 = 1 << 31;
 const SR_RXP: u32 = 1 << 0;
 const SR_TXP: u32 = 1 << 1;
-
+const SR_EOT: u32 = 1 << 3;
 /// End of transfer, transmission filled, underrun, overrun, mode fault.
 const IFCR_ALL: u32 = 0b11 << 3 | 0b11 << 5 | 1 << 9;
 
@@ -114,7 +114,18 @@ impl ErrorType for Bus {
 
 impl SpiDevice for Bus {
     fn transaction(&mut self, operations: &mut [Operation<'_, u8>]) -> Result<(), ErrorKind> {
-        let bus = Enabled::start(self.divider);
+        let length: usize = operations
+            .iter()
+            .map(|operation| match operation {
+                Operation::Read(read) => read.len(),
+                Operation::Write(write) => write.len(),
+                Operation::Transfer(read, write) => read.len().max(write.len()),
+                Operation::TransferInPlace(both) => both.len(),
+                Operation::DelayNs(_) => 0,
+            })
+            .sum();
+        let length = u16::try_from(length).map_err(|_| ErrorKind::Other)?;
+        let bus = Enabled::start(self.divider, length);
         self.select(true);
         let mut done = Ok(());
         for operation in operations {
@@ -142,8 +153,6 @@ impl SpiDevice for Bus {
                     Ok(())
                 }),
                 Operation::DelayNs(ns) => {
-                    // The drivers' delays are pauses between transfers: chip select is high.
-                    self.select(false);
                     wait(ns.div_ceil(1000) * CYCLES_PER_US);
                     Ok(())
                 }
@@ -152,8 +161,14 @@ impl SpiDevice for Bus {
                 break;
             }
         }
+        let ended = if length > 0 && done.is_ok() {
+            Enabled::wait_for(SR_EOT)
+        } else {
+            done
+        };
         self.select(false);
-        done
+        drop(bus);
+        ended
     }
 }
 
@@ -174,15 +189,14 @@ impl Enabled {
         unsafe { &*SPI1::ptr() }
     }
 
-    fn start(divider: u32) -> Self {
+    fn start(divider: u32, length: u16) -> Self {
         let spi = Self::registers();
-        // SAFETY: values of the fields named above; the controller is off while they change. A size of 0
-        // is a transfer without an end of its own.
+        // SAFETY: values of the fields named above; the controller is off while they change.
         unsafe {
             spi.cfg1()
                 .write(|w| w.bits(CFG1_DSIZE_8 | divider << CFG1_MBR));
             spi.cfg2().write(|w| w.bits(CFG2));
-            spi.cr2().write(|w| w.bits(0));
+            spi.cr2().write(|w| w.bits(length.into()));
             spi.ifcr().write(|w| w.bits(IFCR_ALL));
             spi.cr1().write(|w| w.bits(CR1_SSI));
             spi.cr1().write(|w| w.bits(CR1_SSI | CR1_SPE));
@@ -217,7 +231,7 @@ impl Enabled {
 impl Drop for Enabled {
     fn drop(&mut self) {
         let spi = Self::registers();
-        // Every byte that was sent has been received: nothing is under way.
+        // After its end, or after an error: what is under way is given up.
         // SAFETY: off, with the internal chip select high.
         unsafe { spi.cr1().write(|w| w.bits(CR1_SSI)) };
     }
