@@ -5,7 +5,7 @@
 //! One struct per theme, so that each is filled in one place.
 
 use crate::ins::alignment::{AlignmentMode, Obstacle};
-use crate::ins::{AidUse, HorizonState, MAX_UNITS};
+use crate::ins::{AidUse, HorizonState, MAX_UNITS, UnitFault, UnitState, VotingMode};
 use crate::report::ReportError;
 use crate::time::GpsTime;
 use crate::wire::native::{self, Full, Kind, Reader, Writer};
@@ -52,60 +52,35 @@ impl AlignmentPart {
     }
 }
 
-/// What became of the samples of one unit since the last epoch.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum UnitState {
-    /// There is none.
-    Absent = 0,
-    /// Its samples are used.
-    Used = 1,
-    /// None of its samples could be used.
-    Silent = 2,
-}
-
-impl UnitState {
-    /// All, in the order of their numbers.
-    pub const ALL: [Self; 3] = [Self::Absent, Self::Used, Self::Silent];
-
-    /// The state of a number in a frame.
-    pub fn from_u8(number: u8) -> Option<Self> {
-        Self::ALL.get(usize::from(number)).copied()
-    }
-
-    /// Name in files.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Absent => "absent",
-            Self::Used => "used",
-            Self::Silent => "silent",
-        }
-    }
-}
-
 /// One unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnitPart {
-    /// What became of its samples.
+    /// What becomes of its samples.
     pub state: UnitState,
+    /// Why they are not used.
+    pub fault: UnitFault,
 }
 
 impl UnitPart {
     /// No unit.
     pub const ABSENT: Self = Self {
         state: UnitState::Absent,
+        fault: UnitFault::None,
     };
 
-    const LENGTH: usize = 1;
+    const LENGTH: usize = 1 + 1;
 
     fn write(&self, writer: &mut Writer<'_>) -> Result<(), Full> {
-        writer.put_u8(self.state as u8)
+        writer.put_u8(self.state as u8)?;
+        writer.put_u8(self.fault as u8)
     }
 
     fn read(reader: &mut Reader<'_>) -> Result<Self, ReportError> {
         let code = reader.u8()?;
         let state = UnitState::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
-        Ok(Self { state })
+        let code = reader.u8()?;
+        let fault = UnitFault::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
+        Ok(Self { state, fault })
     }
 }
 
@@ -255,6 +230,8 @@ pub struct InertialReport {
     pub time: GpsTime,
     /// The attitude.
     pub alignment: AlignmentPart,
+    /// How many units the samples rest on.
+    pub voting: VotingMode,
     /// The units, in the order of their numbers.
     pub units: [UnitPart; MAX_UNITS],
     /// How late the receiver was.
@@ -267,6 +244,7 @@ pub struct InertialReport {
 pub const INERTIAL_REPORT_FRAME_LENGTH: usize = native::HEADER_LEN
     + 8
     + AlignmentPart::LENGTH
+    + 1
     + MAX_UNITS * UnitPart::LENGTH
     + TimingPart::LENGTH
     + AidsPart::LENGTH
@@ -282,6 +260,7 @@ impl InertialReport {
         native::encode(Kind::InertialReport, out, |writer| {
             writer.put_i64(self.time.ns())?;
             self.alignment.write(writer)?;
+            writer.put_u8(self.voting as u8)?;
             for unit in &self.units {
                 unit.write(writer)?;
             }
@@ -298,6 +277,8 @@ impl InertialReport {
         let mut reader = Reader::new(payload);
         let time = GpsTime::from_ns(reader.i64()?);
         let alignment = AlignmentPart::read(&mut reader)?;
+        let code = reader.u8()?;
+        let voting = VotingMode::from_u8(code).ok_or(ReportError::UnknownCode { code })?;
         let mut units = [UnitPart::ABSENT; MAX_UNITS];
         for unit in &mut units {
             *unit = UnitPart::read(&mut reader)?;
@@ -310,6 +291,7 @@ impl InertialReport {
         Ok(Self {
             time,
             alignment,
+            voting,
             units,
             timing,
             aids,
@@ -338,12 +320,15 @@ mod tests {
                 sigma_ned_rad: Some([0.25, 0.5, 1.0]),
                 obstacle: Obstacle::NotEarned,
             },
+            voting: VotingMode::One,
             units: [
                 UnitPart {
                     state: UnitState::Used,
+                    fault: UnitFault::None,
                 },
                 UnitPart {
-                    state: UnitState::Silent,
+                    state: UnitState::Isolated,
+                    fault: UnitFault::Drift,
                 },
                 UnitPart::ABSENT,
             ],
@@ -390,7 +375,7 @@ mod tests {
         for cut in 0..payload.len() {
             assert!(InertialReport::decode(&payload[..cut]).is_err());
         }
-        for place in [8, 9, 10] {
+        for place in [8, 9, 10, 23, 24, 25] {
             let mut wrong = payload.to_vec();
             wrong[place] = 200;
             let unknown = ReportError::UnknownCode { code: 200 };

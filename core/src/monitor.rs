@@ -22,13 +22,14 @@ use crate::gnss::{
     SatelliteSet, System,
 };
 use crate::inertial_report::{
-    AidsPart, AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart, UnitState,
+    AidsPart, AlignmentPart, InertialReport, NavigationNow, TimingPart, UnitPart,
 };
 use crate::ingest::{Event, Ingest};
 use crate::ins::alignment::MagnetometerError;
 use crate::ins::{
-    AidsConfig, AidsConfigError, InertialConfig, IntakeCounters, MAX_LATENCY_NS, MAX_UNITS,
-    MagneticSample, Magnetometer, PressureSample, UnitSample,
+    AidsConfig, AidsConfigError, InertialConfig, InertialConfigError, IntakeCounters,
+    MAX_LATENCY_NS, MAX_UNITS, MagneticSample, Magnetometer, PressureSample, UnitConfig, UnitFault,
+    UnitSample, UnitState, Voting, VotingConfigureError, VotingMode,
 };
 use crate::integrity::{
     AlertState, Alerts, InertialStatus, Integrity, Mode, NoBound, Opinions, ProtectionLevel,
@@ -79,6 +80,7 @@ pub struct Monitor {
     store: EphemerisStore,
     ionosphere: BroadcastIonosphere,
     snapshot: SnapshotMonitor,
+    voting: Voting,
     tight: TightMonitor,
     ledger: Ledger,
     pending: Pending,
@@ -98,6 +100,7 @@ impl Monitor {
         store: EphemerisStore::EMPTY,
         ionosphere: BroadcastIonosphere::EMPTY,
         snapshot: SnapshotMonitor::EMPTY,
+        voting: Voting::EMPTY,
         tight: TightMonitor::EMPTY,
         ledger: Ledger::EMPTY,
         pending: Pending::Observations,
@@ -190,6 +193,34 @@ impl Monitor {
         self.tight.configure_magnetometer(magnetometer)
     }
 
+    /// Adds the unit of a number, below [`MAX_UNITS`], to those that vote, after
+    /// [`Monitor::configure_inertial`], which says what the vote gives: its interval, the way from the body
+    /// point to the antenna, noise, and no mounting. A frame in the stream does the same, until the first
+    /// epoch.
+    ///
+    /// # Errors
+    /// [`VotingConfigureError`]; the units are then as they were.
+    pub fn configure_unit(
+        &mut self,
+        unit: u8,
+        config: &UnitConfig,
+    ) -> Result<(), VotingConfigureError> {
+        let Some(voted) = self.tight.config() else {
+            return Err(VotingConfigureError::Config(
+                InertialConfigError::Interval { interval_ns: 0 },
+            ));
+        };
+        // The vote gives body axes.
+        if voted.c_b_s != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+            return Err(VotingConfigureError::Config(InertialConfigError::Mounting));
+        }
+        let interval_ns = voted.interval_ns;
+        if !self.voting.is_configured() || self.voting.interval_ns() != interval_ns {
+            self.voting.begin(interval_ns)?;
+        }
+        self.voting.add(unit, config)
+    }
+
     /// Takes bytes of the receiver until something is ready or all are used; tells how many were
     /// used. Call again with the rest.
     #[inline(never)]
@@ -207,6 +238,12 @@ impl Monitor {
                 return (used, Some(ready));
             }
         }
+    }
+
+    /// Bytes given to [`Monitor::push`] from which nothing has followed yet: the frame that is not complete.
+    /// A sample handed in now takes effect before them.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.ingest.bytes_in_hand()
     }
 
     /// No more bytes will come: gives an epoch that waited for more, then [`Ready::EndOfStream`].
@@ -269,9 +306,24 @@ impl Monitor {
                 self.note_refusal(is_accepted);
                 None
             }
+            Event::Imu(sample) if self.voting.is_configured() => {
+                // Whoever does not say which unit means the first.
+                let sample = UnitSample {
+                    sample,
+                    is_valid: true,
+                    temperature_c: None,
+                };
+                self.on_unit_sample(0, &sample)
+            }
             Event::Imu(sample) => {
                 self.tight.on_sample(&sample);
                 self.expect_epoch(sample.time)
+            }
+            Event::Unit { unit, config } => {
+                let is_early = self.first_epoch.is_none();
+                let is_accepted = is_early && self.configure_unit(unit, &config).is_ok();
+                self.note_refusal(is_accepted);
+                None
             }
             Event::UnitSample { unit, sample } => self.on_unit_sample(unit, &sample),
             Event::Pressure(sample) => {
@@ -298,6 +350,7 @@ impl Monitor {
                 self.rhythm.shift(shift_ns);
                 self.alerts.shift(shift_ns);
                 self.readmission.shift();
+                self.voting.shift(shift_ns);
                 self.tight.shift(shift_ns);
                 self.snapshot.height_mut().shift(shift_ns);
                 None
@@ -322,14 +375,28 @@ impl Monitor {
         }
     }
 
-    /// Takes a sample of the inertial unit of this number. The first unit's are used; without a vote the
-    /// others are not.
+    /// Takes a sample of the inertial unit of this number. Where no units vote the first's are used, and
+    /// the others' are not.
     pub fn on_unit_sample(&mut self, unit: u8, sample: &UnitSample) -> Option<Ready> {
-        if unit != 0 || !sample.is_valid {
-            return None;
+        if !self.voting.is_configured() {
+            if unit != 0 || !sample.is_valid {
+                return None;
+            }
+            self.tight.on_sample(&sample.sample);
+            return self.expect_epoch(sample.sample.time);
         }
-        self.tight.on_sample(&sample.sample);
-        self.expect_epoch(sample.sample.time)
+        self.voting.take(unit.into(), sample);
+        // No more than the vote holds back; what an epoch interrupts comes with the next sample.
+        while let Some(voted) = self.voting.next_sample() {
+            self.tight.on_sample(&voted);
+            if let Some(ready) = self.expect_epoch(voted.time) {
+                return Some(ready);
+            }
+        }
+        if self.voting.mode() == VotingMode::Disagree {
+            self.tight.distrust();
+        }
+        None
     }
 
     /// Takes a sample of a barometer; without [`Monitor::configure_aids`] nothing comes of it.
@@ -725,11 +792,19 @@ impl Monitor {
         }
         let newest = self.tight.intake().last_time();
         let mut units = [UnitPart::ABSENT; MAX_UNITS];
-        if let Some(first) = units.first_mut() {
-            first.state = match status {
-                InertialStatus::NoSample | InertialStatus::ImuSilent => UnitState::Silent,
-                _ => UnitState::Used,
-            };
+        let mode = self.voting.mode();
+        if mode == VotingMode::Off {
+            if let Some(first) = units.first_mut() {
+                first.state = match status {
+                    InertialStatus::NoSample | InertialStatus::ImuSilent => UnitState::Silent,
+                    _ => UnitState::Used,
+                };
+            }
+        } else {
+            for (number, unit) in units.iter_mut().enumerate() {
+                let (state, fault): (UnitState, UnitFault) = self.voting.unit(number);
+                *unit = UnitPart { state, fault };
+            }
         }
         Some(InertialReport {
             time: report.time,
@@ -738,6 +813,7 @@ impl Monitor {
                 sigma_ned_rad: self.tight.sigma_attitude_ned_rad(),
                 obstacle: self.tight.obstacle(),
             },
+            voting: mode,
             units,
             timing: TimingPart {
                 lead_of_samples_ns: newest
@@ -776,6 +852,11 @@ impl Monitor {
     /// How the two opinions on the last epoch, the snapshot's and the bank's, stand to each other.
     pub const fn opinions(&self) -> Option<Opinions> {
         self.opinions
+    }
+
+    /// The vote between several inertial units.
+    pub const fn voting(&self) -> &Voting {
+        &self.voting
     }
 
     /// Tight mode.

@@ -22,7 +22,7 @@ use crate::gnss::{CorrectedEpoch, SatelliteSet, System};
 use crate::ins::alignment::{
     AlignmentMode, CoarseAlignment, Magnetometer, MagnetometerError, Obstacle,
 };
-use crate::ins::horizon::Horizon;
+use crate::ins::horizon::{Aiding, Horizon};
 use crate::ins::intake::{Intake, IntakeCounters, IntakeFault};
 use crate::ins::mechanisation::Increment;
 use crate::ins::{
@@ -370,9 +370,7 @@ impl TightMonitor {
 
     /// A sample of the magnetometer.
     pub(crate) fn on_field(&mut self, sample: &MagneticSample) {
-        if !self.is_running() {
-            self.alignment.on_field(sample);
-        }
+        self.await_increments(Aiding::Field(*sample));
     }
 
     /// Why there is no attitude, or why the filter that has one is not believed.
@@ -659,6 +657,18 @@ impl TightMonitor {
         self.late = 0;
         self.obstacle = Obstacle::None;
         self.earned = Earned::NOTHING;
+    }
+
+    /// The units differ and nobody knows who is right: what rests on them ends.
+    pub(crate) fn distrust(&mut self) {
+        if self.config.is_some() {
+            self.lose(InertialStatus::ImuDisagree);
+        }
+    }
+
+    /// What is known of the unit.
+    pub(crate) const fn config(&self) -> Option<&InertialConfig> {
+        self.config.as_ref()
     }
 
     /// A sample of the inertial unit.

@@ -67,6 +67,12 @@ impl<const N: usize> Ring<N> {
         self.written.load(Ordering::Acquire)
     }
 
+    /// Bytes ever read, modulo 2³²: the place of the next one to be taken. For the one reader.
+    #[inline]
+    pub fn taken(&self) -> u32 {
+        self.read.load(Ordering::Relaxed)
+    }
+
     /// Bytes to take.
     pub fn waiting(&self) -> u32 {
         let read = self.read.load(Ordering::Relaxed);

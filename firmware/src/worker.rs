@@ -3,6 +3,9 @@
 use crate::board::memory::{ARRIVED, Memory};
 use crate::board::{self, stack};
 use crate::ring::Ring;
+#[cfg(feature = "sensors")]
+use crate::samples::{self, Samples, Timed};
+use crate::sensors::{self, Next};
 use surefix_core::bank_report::BankReport;
 use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
@@ -28,6 +31,10 @@ pub struct Worker {
     bank: &'static mut BankReport,
     satellites: &'static mut SatelliteReport,
     received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
+    #[cfg(feature = "sensors")]
+    samples: Samples,
+    #[cfg(feature = "spi-bridge")]
+    recording: &'static mut crate::recording::Recording,
     output: board::Transmitter,
     acknowledge: board::Acknowledge,
     cycles: board::Cycles,
@@ -50,6 +57,8 @@ struct Observed {
     busy: u64,
     /// Most bytes that waited in the ring.
     most_waiting: u32,
+    /// The stream has ended, and that was not told yet.
+    is_over: bool,
 }
 
 /// Whether the stream has ended and all was told.
@@ -69,6 +78,7 @@ impl Worker {
     pub fn new(
         memory: Memory,
         received: &'static Ring<{ board::memory::RECEIVED_CAPACITY }>,
+        #[cfg(feature = "sensors")] samples: Samples,
         output: board::Transmitter,
         acknowledge: board::Acknowledge,
         cycles: board::Cycles,
@@ -79,7 +89,11 @@ impl Worker {
             secondaries,
             bank,
             satellites,
+            #[cfg(feature = "spi-bridge")]
+            recording,
         } = memory;
+        #[cfg(feature = "spi-bridge")]
+        recording.start(board::recording());
         // In force until a configuration frame comes before the first epoch.
         if monitor.configure(&Config::PRESET).is_err() {
             defmt::error!("the preset is not legal: every epoch will be unavailable");
@@ -91,6 +105,10 @@ impl Worker {
             bank,
             satellites,
             received,
+            #[cfg(feature = "sensors")]
+            samples,
+            #[cfg(feature = "spi-bridge")]
+            recording,
             output,
             acknowledge,
             cycles,
@@ -104,7 +122,7 @@ impl Worker {
         }
     }
 
-    /// Works until the ring is empty.
+    /// Works until there is nothing to take.
     pub fn run(&mut self) {
         #[cfg(feature = "real-time")]
         let begin = board::ticks();
@@ -123,17 +141,68 @@ impl Worker {
                 let waiting = self.received.waiting();
                 self.observed.most_waiting = self.observed.most_waiting.max(waiting);
             }
-            let count = self.received.pop(&mut chunk);
-            if count == 0 {
-                return;
-            }
+            let most = match self.next() {
+                Next::Nothing => return,
+                Next::Bytes(most) => most.min(CHUNK),
+                Next::Arrival => {
+                    #[cfg(feature = "sensors")]
+                    self.sample();
+                    continue;
+                }
+            };
+            let count = self.received.pop(chunk.get_mut(..most).unwrap_or_default());
             let bytes = chunk.get(..count).unwrap_or_default();
             self.take(bytes);
+            #[cfg(feature = "spi-bridge")]
+            self.recording.bytes(bytes, self.monitor.bytes_in_hand());
+            #[cfg(feature = "real-time")]
+            if core::mem::take(&mut self.observed.is_over) {
+                self.tell_all();
+            }
             self.acknowledge.taken(count);
             #[cfg(feature = "slow-worker")]
             cortex_m::asm::delay(2_000_000);
             #[cfg(feature = "deliberate-fault")]
             crate::fault::deliberate::on_request(bytes);
+        }
+    }
+
+    /// Bytes of the receiver or a sample, whichever came first.
+    fn next(&mut self) -> Next {
+        let (taken, written) = (self.received.taken(), self.received.written());
+        #[cfg(feature = "sensors")]
+        let arrival = self.samples.first_place();
+        #[cfg(not(feature = "sensors"))]
+        let arrival = None;
+        sensors::next(taken, written, arrival)
+    }
+
+    #[cfg(feature = "sensors")]
+    fn sample(&mut self) {
+        let ready = match self.samples.take() {
+            None => return,
+            Some(Timed::Unit(unit, sample, ready_ns)) => {
+                #[cfg(feature = "spi-bridge")]
+                self.recording.unit(unit, &sample);
+                let ready = self.monitor.on_unit_sample(unit, &sample);
+                ready.map(|ready| (ready, ready_ns))
+            }
+            Some(Timed::Pressure(sample)) => {
+                #[cfg(feature = "spi-bridge")]
+                self.recording.pressure(&sample);
+                self.monitor.on_pressure(&sample);
+                None
+            }
+            Some(Timed::MagneticField(sample)) => {
+                #[cfg(feature = "spi-bridge")]
+                self.recording.magnetic_field(&sample);
+                self.monitor.on_magnetic_field(&sample);
+                None
+            }
+        };
+        // A sample can show that an epoch is overdue.
+        if let Some((Ready::Epoch, ready_ns)) = ready {
+            self.epoch(samples::ticks_at(ready_ns));
         }
     }
 
@@ -143,7 +212,8 @@ impl Worker {
             bytes = bytes.get(used..).unwrap_or_default();
             self.taken = self.taken.wrapping_add(used as u32);
             match ready {
-                Some(Ready::Epoch) => self.epoch(),
+                // The last byte that the monitor took completed the epoch.
+                Some(Ready::Epoch) => self.epoch(ARRIVED.time_of(self.taken.wrapping_sub(1))),
                 Some(Ready::EndOfStream) => self.end(),
                 // An epoch may be waiting behind the last byte; nothing ready means there is none.
                 None if bytes.is_empty() || used == 0 => return,
@@ -174,10 +244,9 @@ impl Worker {
         i64::from(board::ticks().wrapping_sub(came)) > interval - on_lines
     }
 
+    /// An epoch is ready since the ticks stood at `came`.
     #[inline(never)]
-    fn epoch(&mut self) {
-        // The last byte that the monitor took completed the epoch.
-        let came = ARRIVED.time_of(self.taken.wrapping_sub(1));
+    fn epoch(&mut self, came: u32) {
         #[cfg(feature = "real-time")]
         let begin = board::ticks();
         let memory = BankMemory {
@@ -185,6 +254,10 @@ impl Worker {
             secondaries: self.secondaries,
         };
         let mut report = self.monitor.process_with(&mut self.cycles, Some(memory));
+        #[cfg(feature = "sensors")]
+        if report.n_observed > 0 {
+            self.samples.epoch(report.time, samples::at_ticks(came));
+        }
         if self.monitor.bank_report(self.bank)
             && let Ok(length) = self.bank.encode(&mut self.frame)
         {
@@ -243,7 +316,9 @@ impl Worker {
             stack::peak_bytes()
         );
         #[cfg(feature = "real-time")]
-        self.tell_all();
+        {
+            self.observed.is_over = true;
+        }
     }
 
     /// What a run in real time was like, and that it is over.
@@ -251,7 +326,9 @@ impl Worker {
     fn tell_all(&mut self) {
         let ledger = self.monitor.ledger();
         self.acknowledge.tell(b'W', &ledger.worst());
-        let Observed { busy, most_waiting } = self.observed;
+        let Observed {
+            busy, most_waiting, ..
+        } = self.observed;
         let numbers = [
             ledger.deadline_misses(),
             stack::peak_bytes() as u32,
@@ -259,8 +336,53 @@ impl Worker {
             busy as u32,
             (busy >> 32) as u32,
         ];
+        #[cfg(feature = "sensors")]
+        self.tell_sensors();
         self.acknowledge.tell(b'T', &numbers);
         ENDED.store(true, core::sync::atomic::Ordering::Relaxed);
+    }
+
+    /// What became of the lines, the time and the units.
+    #[cfg(all(feature = "sensors", feature = "real-time"))]
+    fn tell_sensors(&mut self) {
+        let (edges, arrivals) = samples::LOST.counts();
+        let clock = self.samples.clock();
+        #[cfg(feature = "spi-bridge")]
+        let is_recorded = self.recording.finish();
+        #[cfg(not(feature = "spi-bridge"))]
+        let is_recorded = false;
+        let numbers = [
+            edges,
+            arrivals,
+            self.samples.most_waiting(),
+            u32::from(is_recorded),
+            clock.pulses,
+            clock.missing,
+            clock.refused,
+            clock.restarts,
+            clock.contradicted,
+            clock.numbered,
+            clock.held_over,
+            clock.without_time,
+        ];
+        self.acknowledge.tell(b'S', &numbers);
+        let units = cortex_m::interrupt::free(|token| samples::UNITS.borrow(token).get());
+        for (unit, state) in units.iter().enumerate() {
+            let Some((phase, counters)) = state else {
+                continue;
+            };
+            let is_running = *phase == crate::drivers::Phase::Running;
+            let numbers = [
+                unit as u32,
+                u32::from(is_running),
+                counters.readings,
+                counters.invalid,
+                counters.missed,
+                counters.silent,
+                counters.starts,
+            ];
+            self.acknowledge.tell(b'U', &numbers);
+        }
     }
 
     fn send(&mut self, length: usize) {

@@ -12,7 +12,7 @@ mod samples;
 mod settings;
 
 pub(crate) use interleave::frames;
-pub use interleave::{Pending, interleave};
+pub use interleave::{Measured, Pending, interleave};
 pub use samples::{Recorded, read};
-pub use settings::ImuSettings;
 pub use settings::latency_ns;
+pub use settings::{ImuSettings, mounting_c_b_s};

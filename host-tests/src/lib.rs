@@ -2,7 +2,9 @@
 
 pub mod aiding;
 pub mod araim;
+pub mod bridge;
 pub mod broadcast_encode;
+pub mod calibrate;
 pub mod campaign;
 pub mod consistency;
 pub mod faults;
@@ -13,6 +15,7 @@ pub mod latency;
 pub mod mutate;
 pub mod nmea;
 pub mod output;
+pub mod parts;
 pub mod qemu;
 pub mod real_time;
 pub mod reference;

@@ -17,7 +17,7 @@ use surefix_host_tests::settings::Settings;
 use surefix_host_tests::static_imu::{self, triple};
 use surefix_host_tests::truth::Truth;
 use surefix_host_tests::{
-    araim, campaign, hybrid, mutate, output, real_time, report, scenario, simulate,
+    araim, calibrate, campaign, hybrid, mutate, output, real_time, report, scenario, simulate,
 };
 
 #[derive(Parser)]
@@ -43,6 +43,8 @@ enum Command {
     Hybrid(hybrid::Args),
     /// Samples of an inertial unit at rest beside the fixed antenna of a recording, and its settings
     StaticImu(static_imu::Args),
+    /// Hard and soft iron of a magnetometer, from readings all around
+    CalibrateMagnetometer(calibrate::Args),
     /// Many trials of one question, counted
     Campaign(Box<campaign::Args>),
     RealTime(real_time::Args),
@@ -323,6 +325,9 @@ fn main() -> ExitCode {
             true => ExitCode::SUCCESS,
             false => ExitCode::from(1),
         }),
+        Command::CalibrateMagnetometer(arguments) => {
+            calibrate::run(arguments).map(|()| ExitCode::SUCCESS)
+        }
         Command::StaticImu(arguments) => static_imu::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Campaign(arguments) => campaign::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::Mutate(arguments) => mutate::run(arguments).map(|()| ExitCode::SUCCESS),

@@ -8,22 +8,29 @@
 //! | file | what it does |
 //! |---|---|
 //! | `real_time/line.rs` | when each byte is there |
+//! | `real_time/sensors.rs` | units on the board's bus in place of the samples on the line |
 //! | `real_time/told.rs` | what the board tells of its times |
 
 pub mod line;
+pub mod sensors;
 mod told;
 
 use std::fmt;
 use std::time::Duration;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use surefix_core::budget::STAGES;
 use surefix_core::config::Config;
-use surefix_core::ingest::{encode_configuration, encode_end_of_stream};
+use surefix_core::inertial_report::InertialReport;
+use surefix_core::ingest::{
+    encode_configuration, encode_end_of_stream, encode_inertial, encode_unit,
+};
+use surefix_core::ins::InertialConfig;
 use surefix_core::integrity::{Mode, Reason};
 use surefix_core::report::EpochReport;
-use surefix_core::wire::native::{Frame, Kind, MAX_FRAME};
+use surefix_core::wire::Counters;
+use surefix_core::wire::native::{Frame, Full, HEADER_LEN, Kind, MAX_FRAME, TRAILER_LEN};
 
 use crate::faults::FaultSpec;
 use crate::nmea::{self, Sentence};
@@ -32,19 +39,22 @@ use crate::qemu::paced::{self, INSTRUCTIONS_PER_TICK, TICKS_PER_SECOND};
 use crate::replay::{Executor, HostExecutor, OutputReader};
 use crate::simulate::atmosphere::Ionosphere;
 use crate::simulate::flight::Flight;
-use crate::simulate::inertial::{self, board};
+use crate::simulate::inertial::{self, Scenario, board};
 use crate::simulate::sky;
 use crate::simulate::stream::Format;
 use line::{BAUD, Line, merge, pieces};
+use sensors::{CLOCK_PPM, Compared, FLIGHT_HZ, Fleet, UnitFault, configs};
 use told::Told;
+pub use told::{ToldSensors, ToldUnit};
 
 /// Factor between the two clocks that are run.
 const SLOW_DOWN: u64 = 10;
 
 /// A flight through the emulated board in the board's own time: are its answers there in time?
 ///
-/// Bytes of the receiver and inertial samples come over one serial line of 921,600 Bd, each at its time.
-/// The board executes 250 million instructions a second. Exit code 1 when a deadline was missed, or the
+/// Bytes of the receiver and inertial samples come over one serial line of 921,600 Bd, each at its time. With
+/// --units samples come from units on the board's bus instead: ADIS16505 and ICM-42688-P at 200 Hz, ADIS16465 at
+/// 400 Hz, each at its data-ready line; what the monitor was given is then held against what they held. The board executes 250 million instructions a second. Exit code 1 when a deadline was missed, or the
 /// reports are not those of this machine; with --slow, when a report that came late says it may be used.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
@@ -70,8 +80,17 @@ pub struct Args {
     #[arg(long = "fault", value_name = "SPEC")]
     pub faults: Vec<FaultSpec>,
     /// A tenth of the clock: 25 million instructions a second
-    #[arg(long)]
+    #[arg(long, conflicts_with = "units")]
     pub slow: bool,
+    /// Inertial units on the board's bus, 1 to 3, in place of the samples on the line
+    #[arg(long, default_value_t = 0, conflicts_with = "imu_rate_hz")]
+    pub units: usize,
+    /// What the receiver writes
+    #[arg(long, value_enum, default_value_t = Format::Rtcm3)]
+    pub format: Format,
+    /// Fault of a unit on the bus, `UNIT:silent|stuck:T0:T1`
+    #[arg(long = "unit-fault", value_name = "SPEC", requires = "units")]
+    pub unit_faults: Vec<UnitFault>,
 }
 
 impl Default for Args {
@@ -85,6 +104,9 @@ impl Default for Args {
             no_galileo: false,
             faults: Vec::new(),
             slow: false,
+            units: 0,
+            format: Format::Rtcm3,
+            unit_faults: Vec::new(),
         }
     }
 }
@@ -123,20 +145,47 @@ pub struct Outcome {
     pub most_waiting: u32,
     /// Part of the board's time in which it worked.
     pub load: f64,
+    /// What was said of the inertial side with each report.
+    pub inertial: Vec<Option<InertialReport>>,
+    /// With units on the bus: what became of them.
+    pub on_bus: Option<OnBus>,
+    /// Everything the board sent before the end of the stream.
+    pub output: Vec<u8>,
     /// The last lines of the board's log.
     pub log: Vec<String>,
     /// Time on this machine.
     pub elapsed: Duration,
 }
 
+/// What became of units on the bus.
+#[derive(Clone, Debug)]
+pub struct OnBus {
+    /// Of lines and times, as the board tells.
+    pub sensors: ToldSensors,
+    /// Of each unit, as its driver tells.
+    pub units: Vec<ToldUnit>,
+    /// What the monitor was given against what the units held.
+    pub compared: Compared,
+    /// Samples that each unit made.
+    pub made: Vec<usize>,
+    /// Transfers on the bus.
+    pub transfers: u64,
+    /// What the monitor was given, as a stream.
+    pub recording: Vec<u8>,
+}
+
 /// The flight on its line.
-fn prepare(args: &Args) -> Result<Line> {
+fn prepare(args: &Args) -> Result<(Scenario, Line)> {
     let seconds = args.minutes * 60.0;
     if !(1.0..=3600.0).contains(&seconds) {
         bail!("--minutes {} is not between 1/60 and 60", args.minutes);
     }
     let scenario = inertial::fly(&inertial::Request {
-        imu_rate_hz: args.imu_rate_hz,
+        imu_rate_hz: if args.units > 0 {
+            FLIGHT_HZ
+        } else {
+            args.imu_rate_hz
+        },
         gnss_rate_hz: args.rate_hz,
         duration_s: Some(seconds as u32),
         galileo: !args.no_galileo,
@@ -147,7 +196,7 @@ fn prepare(args: &Args) -> Result<Line> {
         dual_frequency: false,
         ionosphere: Ionosphere::Klobuchar,
         troposphere: true,
-        format: Format::Rtcm3,
+        format: args.format,
     };
     let config = Config {
         reference_week: Some(sky::WEEK as u16),
@@ -166,14 +215,41 @@ fn prepare(args: &Args) -> Result<Line> {
     let receiver = pieces(&board::receiver_bytes(&scenario, &radio)?, &config);
     let mut samples = pieces(&board::imu_bytes(&scenario)?, &config);
     // The first says what the unit is, which must be known before the first epoch.
-    let unit = samples.remove(0).bytes;
+    let mut unit = samples.remove(0).bytes;
+    if args.units > 0 {
+        samples.clear();
+        unit = fleet_frames(&scenario, args.units)?;
+    }
     let mut all = merge(samples, receiver);
     let first = all.first_mut().context("there is nothing to send")?;
     first.bytes.splice(0..0, [head, unit].concat());
     if let Some(last) = all.last_mut() {
         last.bytes.extend(end);
     }
-    Line::new(all, if args.slow { SLOW_DOWN } else { 1 })
+    let mut line = Line::new(all, if args.slow { SLOW_DOWN } else { 1 })?;
+    if args.units > 0 {
+        line.ppm = CLOCK_PPM;
+    }
+    Ok((scenario, line))
+}
+
+/// What the monitor must know of the units on the bus.
+fn fleet_frames(scenario: &Scenario, count: usize) -> Result<Vec<u8>> {
+    let unit = InertialConfig {
+        interval_ns: 5_000_000,
+        ..board::unit(scenario)
+    };
+    let full = |Full| anyhow!("a native frame did not encode");
+    let mut frame = [0; MAX_FRAME];
+    let length = encode_inertial(&unit, &mut frame).map_err(full)?;
+    let mut frames = frame[..length].to_vec();
+    // One unit alone has nobody to vote with.
+    let voters = if count > 1 { count } else { 0 };
+    for (number, config) in configs(scenario, voters).iter().enumerate() {
+        let length = encode_unit(number as u8, config, &mut frame).map_err(full)?;
+        frames.extend(&frame[..length]);
+    }
+    Ok(frames)
 }
 
 /// Flies, on the board and on this machine.
@@ -181,16 +257,28 @@ fn prepare(args: &Args) -> Result<Line> {
 /// # Errors
 /// When the flight cannot be simulated, or the emulator cannot be run.
 pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
-    let elf = image::build("monitor", &["real-time"])?;
-    let line = prepare(args)?;
+    let has_bus = args.units > 0;
+    let feature = if has_bus { "spi-bridge" } else { "real-time" };
+    let elf = image::build("monitor", &[feature])?;
+    let (scenario, line) = prepare(args)?;
+    let fleet = has_bus.then(|| Fleet::new(&scenario, &line, args.units, &args.unit_faults));
+    let (fleet, sensors) = fleet.transpose()?.unzip();
+    let there = paced::run(&elf, &line.memory()?, sensors, progress)?;
+    let given = if has_bus {
+        there.recording.clone()
+    } else {
+        line.bytes()
+    };
     let mut here = Vec::new();
-    HostExecutor.run(&line.bytes(), &mut |bytes| here.extend_from_slice(bytes))?;
-    let there = paced::run(&elf, &line.memory()?, progress)?;
+    HostExecutor.run(&given, &mut |bytes| here.extend_from_slice(bytes))?;
 
     let told = Told::read(&there.told, TICKS_PER_SECOND)
         .with_context(|| format!("the board did not finish; its log ends: {:#?}", there.log))?;
     let (end, answer_bytes) = before_end(&there.output)?;
-    let is_same = there.output[..end] == here;
+    let on_bus = fleet
+        .map(|fleet| on_bus(&fleet, &told, &there))
+        .transpose()?;
+    let is_same = is_same(&there.output[..end], &here, on_bus.as_ref());
     let read = |bytes: &[u8]| {
         let mut reader = OutputReader::default();
         reader.push(bytes);
@@ -242,11 +330,49 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
             .flatten()
             .map(|bank| bank.tests.len())
             .collect(),
+        on_bus,
+        inertial: board.inertial,
+        output: there.output[..end].to_vec(),
         reports: board.reports,
         expected: host.reports,
         log: there.log,
         elapsed: there.elapsed,
     })
+}
+
+fn on_bus(fleet: &Fleet, told: &Told, there: &paced::Outcome) -> Result<OnBus> {
+    let sensors = told
+        .sensors
+        .context("the board tells nothing of its sensors")?;
+    if !sensors.is_recorded {
+        bail!("the board could not record all that its monitor was given");
+    }
+    Ok(OnBus {
+        sensors,
+        units: told.units.clone(),
+        compared: fleet.compare(&there.recording)?,
+        made: fleet.made(),
+        transfers: there.served.as_ref().map_or(0, |served| served.transfers),
+        recording: there.recording.clone(),
+    })
+}
+
+/// Whether the board sent what this machine sent, byte for byte. Samples of the bus reach this machine's monitor
+/// as frames, which it counts as such: in the counters alone they are taken off.
+fn is_same(there: &[u8], here: &[u8], on_bus: Option<&OnBus>) -> bool {
+    let samples = on_bus.map_or(0, |on_bus| on_bus.compared.samples as u32);
+    let split = |bytes: &[u8]| {
+        let length = HEADER_LEN + 4 * Counters::COUNT + TRAILER_LEN;
+        let (before, frame) = bytes.split_at_checked(bytes.len().checked_sub(length)?)?;
+        let (frame, _) = Frame::parse(frame).ok()?;
+        Some((before.to_vec(), Counters::decode(frame.payload()).ok()?))
+    };
+    let (Some((there, counters)), Some((here, mut expected))) = (split(there), split(here)) else {
+        return false;
+    };
+    expected.native_frames -= samples;
+    expected.imu_samples -= samples;
+    there == here && counters == expected
 }
 
 /// Bytes before the end-of-stream frame, and of the longest answer to an epoch.
@@ -307,7 +433,65 @@ impl Outcome {
             && self.withdrawn() == 0
             && self.is_same
             && worst(&self.ages_s) + line_s < self.deadline_s();
-        self.late_and_usable() == 0 && (self.args.slow || is_in_time)
+        let is_true = self.on_bus.as_ref().is_none_or(OnBus::holds);
+        self.late_and_usable() == 0 && is_true && (self.args.slow || is_in_time)
+    }
+}
+
+impl OnBus {
+    /// Whether nothing was invented and nothing lost on the way.
+    pub fn holds(&self) -> bool {
+        let told = &self.sensors;
+        self.compared.samples > 0
+            && self.compared.invented == 0
+            && (told.edges_lost, told.samples_lost) == (0, 0)
+    }
+}
+
+impl fmt::Display for OnBus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (told, compared) = (&self.sensors, &self.compared);
+        for (unit, made) in self.units.iter().zip(&self.made) {
+            writeln!(
+                f,
+                "unit {}                         {} samples made, {} read, {} invalid, {} missed; silent {} times, started {} times, {}",
+                unit.number,
+                made,
+                unit.readings,
+                unit.invalid,
+                unit.missed,
+                unit.silent,
+                unit.starts,
+                if unit.is_running {
+                    "runs"
+                } else {
+                    "does not run"
+                }
+            )?;
+        }
+        writeln!(
+            f,
+            "samples to the monitor         {}, {} invalid, {} that no unit held; {:.3} bits and {:.1} us off at most",
+            compared.samples,
+            compared.invalid,
+            compared.invented,
+            compared.worst_bits,
+            compared.worst_time_ns as f64 / 1000.0,
+        )?;
+        writeln!(
+            f,
+            "time of samples                {} pulses, {} missing, {} refused; {} samples held over, {} without a time",
+            told.pulses,
+            told.pulses_missing,
+            told.pulses_refused,
+            told.held_over,
+            told.without_time,
+        )?;
+        writeln!(
+            f,
+            "bus                            {} transfers; {} samples waiting at most, {} edges and {} samples lost",
+            self.transfers, told.most_waiting, told.edges_lost, told.samples_lost,
+        )
     }
 }
 
@@ -322,11 +506,14 @@ impl fmt::Display for Outcome {
         let rate = if args.slow { rate / SLOW_DOWN } else { rate };
         writeln!(
             f,
-            "{}, {} min, {} epochs and {} inertial samples a second over one line of {BAUD} Bd; {rate} M instructions a second",
+            "{}, {} min, {} epochs a second and {} over one line of {BAUD} Bd; {rate} M instructions a second",
             args.flight.name(),
             args.minutes,
             args.rate_hz,
-            args.imu_rate_hz,
+            match args.units {
+                0 => format!("{} inertial samples", args.imu_rate_hz),
+                units => format!("{units} units on the bus; the receiver"),
+            },
         )?;
         if args.slow {
             writeln!(
@@ -416,6 +603,9 @@ impl fmt::Display for Outcome {
             "stack                          {} bytes",
             self.stack_bytes
         )?;
+        if let Some(on_bus) = &self.on_bus {
+            write!(f, "{on_bus}")?;
+        }
         writeln!(
             f,
             "bytes of this machine          {}",

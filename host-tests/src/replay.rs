@@ -451,7 +451,7 @@ pub fn run(
     };
     let mut info = stream.info;
     if let Some(imu) = &imu {
-        info.imu_samples = imu.samples.len() as u64;
+        info.imu_samples = (imu.samples.len() + imu.unit_samples.len()) as u64;
         if imu.bad_lines > 0 {
             info.losses.insert("imu_bad_lines".into(), imu.bad_lines);
         }

@@ -24,11 +24,12 @@ use surefix_core::ingest::{
     Event, Ingest, MAX_EPOCH_BYTES, encode_aids, encode_configuration, encode_corrected_epoch,
     encode_end_of_stream, encode_ephemeris, encode_imu, encode_inertial, encode_initial_state,
     encode_klobuchar, encode_magnetic_field, encode_magnetometer, encode_observations,
-    encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit_sample,
+    encode_pressure, encode_receiver_latency, encode_reference_model, encode_unit,
+    encode_unit_sample,
 };
 use surefix_core::ins::{
     AidsConfig, ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer,
-    PressureSample, ReferenceModel, UnitSample,
+    PressureSample, ReferenceModel, UnitConfig, UnitSample,
 };
 use surefix_core::time::{GpsTime, NS_PER_S, NS_PER_WEEK};
 use surefix_core::wire::counters::Counters;
@@ -37,7 +38,7 @@ use surefix_core::wire::{native, scanner, ubx};
 
 use crate::faults::{FaultCoverage, FaultInjector, FaultSpec};
 use crate::fixes::{self, FixOptions};
-use crate::imu::{self, Pending, Recorded};
+use crate::imu::{self, Measured, Pending, Recorded};
 use crate::rinex::{
     self, Content, NavigationFile, ObservationCounts, ObservationReader, TimedEphemeris,
 };
@@ -62,6 +63,8 @@ pub enum FilterInput {
     Unit(Box<InertialConfig>),
     /// An inertial sample.
     Sample(ImuSample),
+    /// What is known of the unit of a number, of those that vote.
+    VotingUnit(u8, Box<UnitConfig>),
     /// A sample of the unit of a number.
     UnitSample(u8, UnitSample),
     /// The aids there are.
@@ -438,6 +441,12 @@ fn decode_frames(
                 items.push(Item::ForFilter(FilterInput::Latency(latency_ns)));
             }
             Event::Imu(sample) => items.push(Item::ForFilter(FilterInput::Sample(sample))),
+            Event::Unit { unit, config } => {
+                items.push(Item::ForFilter(FilterInput::VotingUnit(
+                    unit,
+                    Box::new(config),
+                )));
+            }
             Event::UnitSample { unit, sample } => {
                 items.push(Item::ForFilter(FilterInput::UnitSample(unit, sample)));
             }
@@ -492,6 +501,7 @@ fn shift(item: &mut Item, ns: i64, present: GpsTime) {
                 | FilterInput::Aids(_)
                 | FilterInput::Latency(_)
                 | FilterInput::Magnetometer(_)
+                | FilterInput::VotingUnit(..)
                 | FilterInput::State(_)
                 | FilterInput::Model(_)
                 | FilterInput::Corrected(_) => return,
@@ -597,6 +607,7 @@ impl FrameWriter {
             Item::ForFilter(input) => self.append(|out| match input {
                 FilterInput::Unit(unit) => encode_inertial(&unit, out),
                 FilterInput::Sample(sample) => encode_imu(&sample, out),
+                FilterInput::VotingUnit(unit, config) => encode_unit(unit, &config, out),
                 FilterInput::UnitSample(unit, sample) => encode_unit_sample(unit, &sample, out),
                 FilterInput::Aids(aids) => encode_aids(&aids, out),
                 FilterInput::Pressure(sample) => encode_pressure(&sample, out),
@@ -629,6 +640,23 @@ fn two_units(gnss: &Path) -> anyhow::Error {
         "{} holds inertial samples itself: leave out --imu",
         gnss.display()
     )
+}
+
+/// Whether a stream has inertial samples of its own.
+fn is_sample(item: &Item) -> bool {
+    matches!(
+        item,
+        Item::ForFilter(FilterInput::Sample(_) | FilterInput::UnitSample(..))
+    )
+}
+
+impl From<Measured> for FilterInput {
+    fn from(measured: Measured) -> Self {
+        match measured {
+            Measured::Alone(sample) => Self::Sample(sample),
+            Measured::OfUnit(unit, sample) => Self::UnitSample(unit, sample),
+        }
+    }
 }
 
 /// Makes the bytes to send to a monitor; `imu` is what a unit measured meanwhile.
@@ -668,16 +696,20 @@ pub fn stream_with(
         if let Some(magnetometer) = &imu.magnetometer {
             writer.append(|out| encode_magnetometer(magnetometer, out));
         }
+        for (unit, config) in &imu.units {
+            writer.append(|out| encode_unit(*unit, config, out));
+        }
     }
     let latency_ns = imu.map_or(0, |imu| i64::from(imu.receiver_latency_ns));
-    let mut pending = imu.map(|imu| Pending::new(&imu.samples));
+    let measured = imu.map(Recorded::measured);
+    let mut pending = measured.as_deref().map(Pending::new);
     let raw = fixes::read(gnss, config, fixes)?;
     let format = recognise(&raw, gnss)?;
     if format != Format::Rinex && nav.is_empty() && faults.is_empty() {
         // As recorded; decoded beside that for the station's position and the number of epochs.
         let mut has_samples = false;
         let info = decode_bytes(raw.clone(), gnss, nav, config, &mut |item| {
-            has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+            has_samples |= is_sample(&item);
         })?;
         match pending {
             Some(_) if has_samples => return Err(two_units(gnss)),
@@ -700,11 +732,11 @@ pub fn stream_with(
     }
     let mut has_samples = false;
     let info = decode_bytes(raw, gnss, nav, config, &mut |item| {
-        has_samples |= matches!(item, Item::ForFilter(FilterInput::Sample(_)));
+        has_samples |= is_sample(&item);
         if let (Item::Epoch(epoch), Some(pending)) = (&item, &mut pending) {
             let flags = epoch.flags;
             pending.release_until(epoch.time, latency_ns, flags.week_unknown, &mut |sample| {
-                writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+                writer.write(Item::ForFilter((*sample).into()));
             });
         }
         writer.write(item);
@@ -720,7 +752,7 @@ pub fn stream_with(
             return Err(two_units(gnss));
         }
         pending.finish(&mut |sample| {
-            writer.write(Item::ForFilter(FilterInput::Sample(*sample)));
+            writer.write(Item::ForFilter((*sample).into()));
         })?;
     }
     writer.coverage.check()?;

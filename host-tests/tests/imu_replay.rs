@@ -114,6 +114,8 @@ fn at_rest(from: GpsTime, seconds: i64) -> Recorded {
         magnetometer: None,
         samples,
         receiver_latency_ns: 0,
+        units: Vec::new(),
+        unit_samples: Vec::new(),
         bad_lines: 0,
     }
 }

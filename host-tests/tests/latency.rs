@@ -2,13 +2,16 @@
 //! too late is counted, flagged, and in no filter.
 
 #[path = "tight_mode/flight.rs"]
-#[allow(dead_code, reason = "tests/tight_mode.rs uses the rest of it")]
 mod flight;
 
 use flight::{COURSE, Input, LENGTH_S, Row, at, run, unit};
 use proptest::prelude::*;
+use surefix_core::budget::NoCounter;
+use surefix_core::ingest::encode_receiver_latency;
 use surefix_core::integrity::{InertialStatus, Mode, Reason};
+use surefix_core::monitor::Ready;
 use surefix_host_tests::latency::{Arrival, Course, LateFlight, Said, Setting, rms_and_worst};
+use surefix_host_tests::replay::new_monitor;
 
 const DURATION_S: u32 = 90;
 
@@ -45,6 +48,42 @@ fn assert_as_at_once(late: &Said, at_once: &Said, name: &str) {
     );
     assert!(is_as_good(rms_m, rms_at_once_m), "{name}");
     assert!(is_as_good(worst_m, worst_at_once_m), "{name}");
+}
+
+/// INT-123.
+#[test]
+fn int_123_a_latency_is_taken_before_the_first_epoch_and_refused_after_it() {
+    let frame = |latency_ns: u32| {
+        let mut out = [0; 32];
+        let length = encode_receiver_latency(latency_ns, &mut out).unwrap();
+        out[..length].to_vec()
+    };
+    let mut monitor = new_monitor();
+    let mut feed = |bytes: &[u8]| {
+        let mut rest = bytes;
+        while !rest.is_empty() {
+            let (used, ready) = monitor.push(rest);
+            rest = &rest[used..];
+            if ready == Some(Ready::Epoch) {
+                let report = monitor.process(&mut NoCounter);
+                let inertial = monitor.inertial_report(&report).unwrap();
+                assert_eq!(inertial.timing.latency_ns, 120_000_000);
+            }
+        }
+        (
+            monitor.refused_configurations(),
+            monitor.counters().native_refused,
+        )
+    };
+    feed(&flight::preamble(&unit(COURSE)));
+    assert_eq!(feed(&frame(120_000_000)), (0, 0));
+    assert_eq!(feed(&frame(400_000_001)), (0, 1));
+    let inputs = flight::flight();
+    assert_eq!(feed(&inputs[0].bytes()), (0, 1));
+    assert_eq!(feed(&frame(200_000_000)), (1, 1));
+    for input in &inputs[1..=202] {
+        feed(&input.bytes());
+    }
 }
 
 /// INT-125, INT-128. 16 m/s and 100 m/s, receivers at 1, 4 and 10 Hz.
@@ -287,7 +326,7 @@ fn a_gap_of_the_samples_ends_tight_mode_whatever_is_on_its_way() {
         for (from_ms, to_ms) in [(60_100, 60_300), (59_900, 60_100), (60_500, 61_100)] {
             let mut inputs = arriving(flight::flight(), |_| ms);
             inputs.retain(|input| {
-                !matches!(input, Input::Imu(_)) || !(input.ms() > from_ms && input.ms() <= to_ms)
+                !(matches!(input, Input::Imu(_)) && input.ms() > from_ms && input.ms() <= to_ms)
             });
             let rows = run(&unit(COURSE), &inputs);
             assert_eq!(rows.len() as i64, LENGTH_S + 1);

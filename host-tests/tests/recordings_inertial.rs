@@ -508,7 +508,7 @@ fn int_100_recordings_align_from_a_cold_start() {
     by_ubx.gnss = shared("data/walk0827-x20p-imu/gnss_1730.ubx").unwrap();
     by_ubx.nav = Vec::new();
     println!(
-        "| recording | first position, s | fast enough, s | tight from, s | heading sigma then, ° | after a minute | heading minus course, mean, ° | rms | epochs | speed from, m/s |"
+        "| recording | first tested position, s | and fast enough, s | tight from, s | heading sigma then, ° | after a minute | heading minus course, mean, ° | rms | epochs | speed from, m/s |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     let cases = [
@@ -520,10 +520,13 @@ fn int_100_recordings_align_from_a_cold_start() {
         let result = replay::run(&options, &mut |_, _| {}).unwrap();
         let first = result.reports.first().unwrap().time;
         let since = |report: &EpochReport| report.time.seconds_since(first);
-        let with_position = result.reports.iter().find(|r| r.fix.is_some()).unwrap();
+        let is_tested = |report: &EpochReport| {
+            report.verdict.hpl.bound_m().is_some() && report.verdict.vpl.bound_m().is_some()
+        };
+        let tested = result.reports.iter().find(|r| is_tested(r)).unwrap();
         let fast = result.reports.iter().find(|report| {
             let velocity = report.fix.and_then(|fix| fix.velocity_enu_mps);
-            velocity.is_some_and(|[e, n, _]| e.hypot(n) >= min_speed_mps)
+            is_tested(report) && velocity.is_some_and(|[e, n, _]| e.hypot(n) >= min_speed_mps)
         });
         let tight: Vec<EpochReport> = result
             .reports
@@ -542,15 +545,22 @@ fn int_100_recordings_align_from_a_cold_start() {
         let (rms_deg, mean_deg, epochs) = heading_against_course(&tight, track, min_speed_mps);
         println!(
             "| {name} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} | {mean_deg:.1} | {rms_deg:.1} | {epochs} | {min_speed_mps} |",
-            since(with_position),
+            since(tested),
             since(fast.unwrap()),
             since(start),
             sigma_deg(0.0),
             sigma_deg(60.0),
         );
         never_beyond_the_level(&result, track);
-        // A window of a second, and the epoch after it.
-        assert!(since(start) <= since(fast.unwrap()) + 20.0, "{name}");
-        assert!(rms_deg < 30.0, "{name}: {rms_deg}");
+        // A window of a second, of which the first may be refused, and the epoch after it.
+        assert!(since(start) <= since(fast.unwrap()) + 5.0, "{name}");
+        // A walker sways: docs/recordings.md.
+        let (largest_mean, largest_rms) = if name == "drive" {
+            (3.0, 5.0)
+        } else {
+            (15.0, 40.0)
+        };
+        assert!(mean_deg.abs() < largest_mean, "{name}: {mean_deg}");
+        assert!(rms_deg < largest_rms, "{name}: {rms_deg}");
     }
 }

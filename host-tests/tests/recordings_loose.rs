@@ -11,9 +11,11 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use surefix_core::config::Config;
+use surefix_core::ins::BarometerModel;
 use surefix_core::integrity::{InertialStatus, Integrity, Mode, Reason};
 use surefix_core::wire::ubx;
-use surefix_host_tests::fixes::Outage;
+use surefix_host_tests::aiding::{self, Air};
+use surefix_host_tests::fixes::{self, Outage};
 use surefix_host_tests::output;
 use surefix_host_tests::replay::{self, ReplayOptions, ReplayResult, TruthChoice};
 use surefix_host_tests::settings::Settings;
@@ -178,6 +180,59 @@ fn int_121_a_drive_coasts_through_ten_outages() {
     {
         let [[h, ..], [v, ..]] = [summary(all, 0), summary(all, 1)];
         assert!(h < h_m && v < v_m, "{h} {v}");
+    }
+}
+
+/// A barometer of an ordinary day along the drive's heights.
+fn with_barometer(mut options: ReplayOptions, track: &Path, seed: u64) -> ReplayOptions {
+    let text = std::fs::read_to_string(track).unwrap();
+    let fixes = fixes::pos_fixes(&text, None).unwrap();
+    let heights: Vec<(f64, f64)> = fixes
+        .iter()
+        .map(|fix| {
+            let since_s = fix.time.seconds_since(fixes[0].time);
+            (since_s, fix.solution.unwrap().llh.height_m)
+        })
+        .collect();
+    let height_m = |t_s: f64| {
+        let k = heights.partition_point(|(at_s, _)| *at_s <= t_s).max(1);
+        let ((from_s, from_m), (to_s, to_m)) = (heights[k - 1], heights[k.min(heights.len() - 1)]);
+        if to_s > from_s {
+            from_m + (to_m - from_m) * (t_s - from_s) / (to_s - from_s)
+        } else {
+            from_m
+        }
+    };
+    let length_s = heights[heights.len() - 1].0;
+    let samples = Air::of_day(seed).samples(fixes[0].time, length_s, seed, None, height_m);
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("drive_barometer_{seed}.csv"));
+    std::fs::write(&path, aiding::csv(&samples)).unwrap();
+    options.barometer = Some(path);
+    options.aids.barometer = Some(BarometerModel::PRESET);
+    options
+}
+
+/// INT-122. A barometer holds the height through the same outages, on three ordinary days: 10 s after the last fix
+/// the error is smaller than without, and so is what is told of it.
+#[test]
+fn int_122_a_barometer_holds_the_height_of_the_drive() {
+    let (Some(options), Some(track)) = (
+        drive(),
+        common::shared(&format!("{DRIVE}/gnss_1934_sf.pos")),
+    ) else {
+        return;
+    };
+    let from_s: Vec<f64> = (0..10).map(|k| 60.0 + 45.0 * f64::from(k)).collect();
+    let without = through_outages(options.clone(), &from_s);
+    let [without_m, _, without_sigma_m] = summary(&without[3], 1);
+    for seed in 1..=3 {
+        let with = through_outages(with_barometer(options.clone(), &track, seed), &from_s);
+        let [rms_m, _, sigma_m] = summary(&with[3], 1);
+        assert!(rms_m < 0.8 * without_m, "{rms_m} {without_m}");
+        assert!(sigma_m < 0.8 * without_sigma_m, "{sigma_m}");
+        for errors in with.iter().flatten() {
+            assert!(errors.error_m[1] < 4.0 * errors.sigma_m[1], "{errors:?}");
+        }
     }
 }
 

@@ -141,8 +141,8 @@ fn an_approach_with_a_faulty_satellite() {
 }
 
 /// A simulated flight as a board would get it: RTCM 3 and inertial samples in the order of their times.
-fn flight(name: &str, more: &[&str]) -> ReplayOptions {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("same_bits_{name}"));
+fn flight(name: &str, folder: &str, more: &[&str]) -> ReplayOptions {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("same_bits_{folder}"));
     let done = Command::new(env!("CARGO_BIN_EXE_surefix"))
         .args(["simulate", name, "--seed", "2", "--out"])
         .arg(&folder)
@@ -159,7 +159,7 @@ fn flight(name: &str, more: &[&str]) -> ReplayOptions {
 /// INT-007. The filter, an exclusion by the snapshot, and the whole of a filter's report.
 #[test]
 fn an_approach_with_an_inertial_unit() {
-    let Some(result) = on_both(flight("lpv200_step", &["--duration", "180"])) else {
+    let Some(result) = on_both(flight("lpv200_step", "lpv200_step", &["--duration", "180"])) else {
         return;
     };
     let tight = result
@@ -171,10 +171,28 @@ fn an_approach_with_an_inertial_unit() {
     assert_eq!(result.summary.errors.epochs_with_error_above_level, 0);
 }
 
+/// INT-007, INT-125. Epochs at 10 Hz, three of them on their way at any time.
+#[test]
+fn a_flight_whose_epochs_arrive_late() {
+    let more = ["--duration", "15", "--rate-hz", "10"];
+    let late = [&more[..], &["--latency", "0.3"]].concat();
+    let Some(result) = on_both(flight("drive", "drive_late", &late)) else {
+        return;
+    };
+    let at_once = replay::run(&flight("drive", "drive_at_once", &more), &mut |_, _| {}).unwrap();
+    assert_eq!(result.reports, at_once.reports);
+    let timing = result.inertial.last().unwrap().unwrap().timing;
+    assert_eq!(
+        (timing.latency_ns, timing.horizon.too_late),
+        (300_000_000, 0)
+    );
+    assert!(tight_epochs(&result) > 140);
+}
+
 /// INT-007. Three, two, one satellite, none: the filter goes on and says that it is not to be trusted.
 #[test]
 fn a_flight_that_coasts() {
-    let Some(result) = on_both(flight("coasting", &[])) else {
+    let Some(result) = on_both(flight("coasting", "coasting", &[])) else {
         return;
     };
     let coasting = result
@@ -259,9 +277,14 @@ fn a_drive_that_is_loosely_coupled() {
     let head: Vec<&str> = text.lines().take(600).collect();
     let short = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_drive.pos");
     std::fs::write(&short, head.join("\n")).unwrap();
+    let samples = common::shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv")).unwrap();
+    let text = std::fs::read_to_string(samples).unwrap();
+    let lines: Vec<&str> = text.lines().take(15_000).collect();
+    let unit = Path::new(env!("CARGO_TARGET_TMPDIR")).join("same_bits_drive.csv");
+    std::fs::write(&unit, lines.join("\n")).unwrap();
     let settings = Settings::read(&example("car-adis16465.toml")).unwrap();
     let mut options = ReplayOptions::new(short);
-    options.imu = common::shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"));
+    options.imu = Some(unit);
     options.config = settings.config().unwrap();
     options.imu_settings = settings.imu;
     options.fixes.outages = vec!["60:70".parse().unwrap(), "110:120".parse().unwrap()];

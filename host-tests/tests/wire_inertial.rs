@@ -49,11 +49,11 @@ fn config() -> impl Strategy<Value = InertialConfig> {
         three(6.0).prop_map(|roll_pitch_heading_rad| AttitudeStart::Given {
             roll_pitch_heading_rad
         }),
-        (1e-3..0.7).prop_map(|max_heading_sigma_rad| AttitudeStart::Gyrocompass {
+        (1e-3..0.5).prop_map(|max_heading_sigma_rad| AttitudeStart::Gyrocompass {
             max_heading_sigma_rad
         }),
         Just(AttitudeStart::MagneticField),
-        (0.0..50.0, 1e-3..0.7).prop_map(|(min_speed_mps, max_heading_sigma_rad)| {
+        (0.0..50.0, 1e-3..0.5).prop_map(|(min_speed_mps, max_heading_sigma_rad)| {
             AttitudeStart::Automatic {
                 min_speed_mps,
                 max_heading_sigma_rad,

@@ -67,8 +67,15 @@ fn lint(workspace: &Workspace, stages: &mut Stages) {
         )
     });
     let boards = images::BOARDS.map(|board| (board.name, board.features));
-    let real_time = ("real time", &["--features", "real-time"][..]);
-    for (name, features) in boards.into_iter().chain([real_time]) {
+    let others = [
+        ("real time", &["--features", "real-time"][..]),
+        ("SPI bridge", &["--features", "spi-bridge"]),
+        (
+            "h743 with sensors",
+            &["--no-default-features", "--features", "board-h743,sensors"],
+        ),
+    ];
+    for (name, features) in boards.into_iter().chain(others) {
         stages.run(&format!("clippy: {name}"), || {
             let mut call = command(workspace, "cargo");
             call.args(["clippy", "--locked", "--target", TARGET])

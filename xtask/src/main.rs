@@ -1,4 +1,4 @@
-//! Set-up and checks of the surefix workspace: `cargo xtask setup|test|demo|images|real-time|bench`.
+//! Set-up and checks of the surefix workspace: `cargo xtask setup|test|demo|images|real-time|bench|coverage`.
 //!
 //! | module | what it does |
 //! |---|---|
@@ -6,6 +6,7 @@
 //! | [`checks`], [`stages`] | every check and test, timed, with one summary |
 //! | [`demo`] | an approach with a fault through the emulated board; a flight in real time |
 //! | [`mod@bench`], [`operations`] | instructions and bytes per stage on the emulated board, and their bars |
+//! | [`coverage`] | what the tests of the drivers take of them |
 //! | [`rules`], [`documentation`] | rules of the workspace that no compiler checks |
 //! | [`images`], [`elf`], [`sizes`] | the firmware images and what is in them |
 //! | [`process`] | nested commands: environment, time limits, captured output |
@@ -15,6 +16,7 @@
 
 mod bench;
 mod checks;
+mod coverage;
 mod demo;
 mod documentation;
 mod elf;
@@ -71,6 +73,8 @@ usage: cargo xtask COMMAND
   bench [--json FILE] [--check]
                       executed instructions and bytes per stage on the emulated board;
                       --check fails when a figure is above its bar
+  coverage            lines, regions and branches of the drivers that their tests take
+                      (nightly toolchain with llvm-tools)
 
 environment of setup (to try each route by hand)
   SUREFIX_SETUP_NO_RUSTUP=1     do not let rustup download anything
@@ -97,6 +101,7 @@ fn main() -> ExitCode {
             Some(options) => bench::run(&workspace, &options),
             None => return usage(),
         },
+        ["coverage"] => coverage::run(&workspace),
         ["help" | "--help" | "-h"] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;

@@ -251,7 +251,7 @@ impl<const K: usize, const M: usize> Navigator<K, M> {
         &self,
         increments: impl Iterator<Item = (&'a Increment, GpsTime)>,
     ) -> AntennaState<K> {
-        let mut mechanisation = self.mechanisation.clone();
+        let mut mechanisation = self.mechanisation;
         let (mut time, mut omega_ib_b) = (self.time, self.omega_ib_b);
         for (increment, end) in increments {
             let step = mechanisation.step(increment);

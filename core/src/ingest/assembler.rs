@@ -13,6 +13,7 @@ use super::payload::{
     decode_klobuchar,
 };
 use super::receiver_fix::{decode_receiver_fix, receiver_fix};
+use super::units::decode_unit;
 use super::week::WeekResolver;
 use super::{Event, PayloadError};
 use crate::gnss::observation::NotAdded;
@@ -598,6 +599,10 @@ impl Assembler {
                 count(&mut counters.imu_samples);
                 sample.time = self.weeks.resolve_sample(sample.time);
                 Outcome::UsedGives(Event::Imu(sample))
+            }
+            Some(Kind::Unit) => {
+                let (unit, config) = decode_unit(frame.payload())?;
+                Outcome::UsedGives(Event::Unit { unit, config })
             }
             Some(Kind::UnitSample) => {
                 let (unit, mut sample) = decode_unit_sample(frame.payload())?;

@@ -65,7 +65,7 @@ fn three(r: &mut Reader<'_>, limit: f64) -> Result<[f64; 3], PayloadError> {
     ])
 }
 
-fn finite<const N: usize>(r: &mut Reader<'_>) -> Result<[f64; N], PayloadError> {
+pub(super) fn finite<const N: usize>(r: &mut Reader<'_>) -> Result<[f64; N], PayloadError> {
     let mut values = [0.0; N];
     for value in &mut values {
         *value = r.f64()?;
@@ -85,7 +85,7 @@ fn unused(r: &mut Reader<'_>, count: usize) -> Result<(), PayloadError> {
     Ok(())
 }
 
-fn put_all(w: &mut Writer<'_>, values: &[f64]) -> Result<(), Full> {
+pub(super) fn put_all(w: &mut Writer<'_>, values: &[f64]) -> Result<(), Full> {
     values.iter().try_for_each(|value| w.put_f64(*value))
 }
 

@@ -17,6 +17,7 @@ mod latency;
 mod magnetometer;
 mod payload;
 mod receiver_fix;
+mod units;
 mod week;
 
 use assembler::{Assembler, Outcome};
@@ -41,11 +42,13 @@ pub use receiver_fix::{
     RECEIVER_FIX_FRAME_LENGTH, decode_receiver_fix, encode_receiver_fix, receiver_fix,
 };
 
+pub use units::{UNIT_FRAME_LENGTH, decode_unit, encode_unit};
+
 use crate::config::Config;
 use crate::gnss::{CorrectedEpoch, Ephemeris, KlobucharParameters, ObservationEpoch, ReceiverFix};
 use crate::ins::{
     AidsConfig, ImuSample, InertialConfig, InitialState, MagneticSample, Magnetometer,
-    PressureSample, ReferenceModel, UnitSample,
+    PressureSample, ReferenceModel, UnitConfig, UnitSample,
 };
 use crate::wire::{Counters, Scanner};
 
@@ -74,6 +77,13 @@ pub enum Event {
     Inertial(InertialConfig),
     /// An inertial sample. Its increments may be no numbers.
     Imu(ImuSample),
+    /// What is known of the inertial unit of this number, checked.
+    Unit {
+        /// Number of the unit, below [`crate::ins::MAX_UNITS`].
+        unit: u8,
+        /// What is known of it.
+        config: UnitConfig,
+    },
     /// A sample of the inertial unit of this number. Its increments may be no numbers.
     UnitSample {
         /// Number of the unit, below [`crate::ins::MAX_UNITS`].
@@ -169,6 +179,11 @@ impl Ingest {
     /// What arrived and what was lost.
     pub const fn counters(&self) -> &Counters {
         &self.counters
+    }
+
+    /// Bytes taken from which nothing has followed yet: the frame that is not complete.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.scanner.bytes_in_hand()
     }
 
     /// Tells the week the user gave.

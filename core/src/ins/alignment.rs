@@ -53,8 +53,9 @@ pub const MIN_WINDOW_NS: i64 = NS_PER_S - NS_PER_S / 20;
 pub const MAX_WINDOW_NS: i64 = 5 * NS_PER_S / 2;
 /// Shortest rest that a gyrocompass needs, s: what turns the unit unseen counts for less the longer it is.
 pub const MIN_GYROCOMPASS_S: f64 = 60.0;
-/// Largest one sigma of a heading to start a filter from, rad: 45°, beyond which it is no heading.
-pub const MAX_HEADING_SIGMA_RAD: f64 = core::f64::consts::FRAC_PI_4;
+/// Largest one sigma of a heading to start a filter from, rad: 30°, beyond which a filter that is linear in its
+/// errors may lose itself (docs/decisions/016-alignment.md).
+pub const MAX_HEADING_SIGMA_RAD: f64 = core::f64::consts::FRAC_PI_6;
 /// Slowest course an attitude that was lost is found again by, m/s, where none is configured.
 const RESTART_SPEED_MPS: f64 = 2.0;
 /// Largest one sigma of a heading by the rotation of the Earth after a given one was lost, rad: 10°.

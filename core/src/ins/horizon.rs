@@ -17,8 +17,8 @@
 
 use heapless::Deque;
 
-use super::Taken;
 use super::mechanisation::Increment;
+use super::{MagneticSample, PressureSample, Taken};
 use crate::time::{GpsTime, NS_PER_S};
 
 /// Latest that an epoch may come after its instant and still be taken by the filter, ns.
@@ -31,6 +31,9 @@ const EARLY_NS: i64 = 10_000_000;
 pub(crate) const CAPACITY: usize = 168;
 
 const _: () = assert!(CAPACITY as i64 * 2_500_000 > MAX_LATENCY_NS && MAX_LATENCY_NS < NS_PER_S);
+
+/// Samples of a magnetometer and a barometer held: [`MAX_LATENCY_NS`] at 100 Hz and 50 Hz, and some to spare.
+const AIDING: usize = 64;
 
 /// Increments of a sample, or of a gap before one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +63,24 @@ impl Held {
     }
 }
 
+/// A sample that belongs to where the increments before its time have brought the nominal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Aiding {
+    /// Of a magnetometer.
+    Field(MagneticSample),
+    /// Of a barometer.
+    Pressure(PressureSample),
+}
+
+impl Aiding {
+    const fn time(&self) -> GpsTime {
+        match self {
+            Self::Field(sample) => sample.time,
+            Self::Pressure(sample) => sample.time,
+        }
+    }
+}
+
 /// How far increments are passed on at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Limit {
@@ -75,12 +96,16 @@ pub(crate) enum Limit {
 #[derive(Clone, Debug)]
 pub(crate) struct Horizon {
     held: Deque<Held, CAPACITY>,
+    /// What was measured after `reached`.
+    aiding: Deque<Aiding, AIDING>,
     limit: Limit,
     /// End of the last increment that was passed on.
     reached: Option<GpsTime>,
     /// Epochs that came when the nominal had passed them.
     too_late: u32,
 }
+
+const _: () = assert!(core::mem::size_of::<Horizon>() <= 14_800);
 
 /// What waits for an epoch, and what came too late.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -95,6 +120,7 @@ impl Horizon {
     /// Nothing waits, and nothing will.
     pub(crate) const EMPTY: Self = Self {
         held: Deque::new(),
+        aiding: Deque::new(),
         limit: Limit::None,
         reached: None,
         too_late: 0,
@@ -103,6 +129,7 @@ impl Horizon {
     /// Begins anew, as for another unit.
     pub(crate) fn restart(&mut self) {
         self.held.clear();
+        self.aiding.clear();
         self.limit = Limit::None;
         self.reached = None;
         self.too_late = 0;
@@ -129,6 +156,7 @@ impl Horizon {
     /// The samples begin anew at `time`; nothing waits then.
     pub(crate) fn begin_at(&mut self, time: Option<GpsTime>) {
         self.held.clear();
+        self.aiding.clear();
         self.reached = time;
     }
 
@@ -154,6 +182,13 @@ impl Horizon {
     pub(crate) fn shift(&mut self, by_ns: i64) {
         for held in self.held.iter_mut() {
             held.time = held.time.plus_ns(by_ns);
+        }
+        for aiding in self.aiding.iter_mut() {
+            let time = match aiding {
+                Aiding::Field(sample) => &mut sample.time,
+                Aiding::Pressure(sample) => &mut sample.time,
+            };
+            *time = time.plus_ns(by_ns);
         }
         self.reached = self.reached.map(|time| time.plus_ns(by_ns));
         if let Limit::Due(due) = &mut self.limit {
@@ -185,6 +220,31 @@ impl Horizon {
         let oldest = self.held.pop_front()?;
         self.reached = Some(oldest.time);
         Some(oldest)
+    }
+
+    /// Takes a sample that waits for the increments up to its time; gives back one that need not wait, or
+    /// the oldest where there is no room.
+    pub(crate) fn put_aiding(&mut self, aiding: Aiding) -> Option<Aiding> {
+        let is_reached = self.reached.is_none_or(|reached| aiding.time() <= reached);
+        if self.held.is_empty() || (is_reached && self.aiding.is_empty()) {
+            return Some(aiding);
+        }
+        let oldest = if self.aiding.is_full() {
+            self.aiding.pop_front()
+        } else {
+            None
+        };
+        // There is room now.
+        let _ = self.aiding.push_back(aiding);
+        oldest
+    }
+
+    /// Passes on the oldest such sample, if the increments have come to its time.
+    pub(crate) fn pass_aiding(&mut self) -> Option<Aiding> {
+        if Some(self.aiding.front()?.time()) > self.reached {
+            return None;
+        }
+        self.aiding.pop_front()
     }
 
     /// Up to when increments need not wait any longer, the newest of them ending at `newest`.
@@ -279,6 +339,41 @@ mod tests {
         let waiting: Vec<i64> = horizon.held().map(ms).collect();
         assert_eq!(waiting.len(), CAPACITY);
         assert!(all.into_iter().chain(waiting).eq(1..=1000));
+    }
+
+    #[test]
+    fn what_was_measured_waits_for_the_increments_up_to_its_time() {
+        let field = |milliseconds: i64| {
+            Aiding::Field(MagneticSample {
+                time: at(milliseconds),
+                field_s_ut: [milliseconds as f64, 0.0, 0.0],
+            })
+        };
+        let mut horizon = Horizon::EMPTY;
+        // Nothing waits: nor does a field.
+        assert_eq!(horizon.put_aiding(field(5)), Some(field(5)));
+        horizon.set_limit(Limit::Due(at(100)));
+        passed(&mut horizon, (10..=200).step_by(10));
+        assert_eq!(horizon.put_aiding(field(85)), Some(field(85)));
+        for milliseconds in [105, 115, 125] {
+            assert_eq!(horizon.put_aiding(field(milliseconds)), None);
+        }
+        assert_eq!(horizon.pass_aiding(), None);
+        while horizon.pass(at(120)).is_some() {}
+        assert_eq!(horizon.pass_aiding(), Some(field(105)));
+        assert_eq!(horizon.pass_aiding(), Some(field(115)));
+        assert_eq!(horizon.pass_aiding(), None);
+        // More than there is room for: the oldest go early, and none is lost.
+        let all = 200..300;
+        let early: Vec<_> = all
+            .clone()
+            .filter_map(|ms| horizon.put_aiding(field(ms)))
+            .collect();
+        passed(&mut horizon, std::iter::once(1000));
+        while horizon.pass(at(1000)).is_some() {}
+        let rest: Vec<_> = std::iter::from_fn(|| horizon.pass_aiding()).collect();
+        let expected = std::iter::once(125).chain(all).map(field);
+        assert!(early.into_iter().chain(rest).eq(expected));
     }
 
     #[test]

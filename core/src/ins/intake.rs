@@ -16,7 +16,7 @@
 //! [`MAX_BRIDGE_NS`]; beyond it the intake begins anew and the fault tells the user to do the same.
 //! Departures: times are compared in integer nanoseconds, so that the lengths add up exactly.
 
-use super::{ImuSample, Increment, InertialConfig};
+use super::{ImuSample, Increment, InertialConfig, SensorRange};
 use crate::time::{GpsTime, NS_PER_S};
 use nalgebra::{Matrix3, Vector3};
 
@@ -207,12 +207,22 @@ impl Intake {
 
     /// Begins with a unit whose configuration has passed [`InertialConfig::check`].
     pub fn configure(&mut self, config: &InertialConfig) {
-        let [[c11, c12, c13], [c21, c22, c23], [c31, c32, c33]] = config.c_b_s;
+        self.configure_unit(config.interval_ns, &config.c_b_s, &config.range);
+    }
+
+    /// The same from what it needs: nominal interval, ns, mounting, range.
+    pub(crate) fn configure_unit(
+        &mut self,
+        interval_ns: u32,
+        c_b_s: &[[f64; 3]; 3],
+        range: &SensorRange,
+    ) {
+        let [[c11, c12, c13], [c21, c22, c23], [c31, c32, c33]] = *c_b_s;
         *self = Self {
-            nominal_ns: i64::from(config.interval_ns),
+            nominal_ns: i64::from(interval_ns),
             c_b_s: Matrix3::new(c11, c12, c13, c21, c22, c23, c31, c32, c33),
-            max_rate_radps: config.range.rate_radps,
-            max_force_mps2: config.range.specific_force_mps2,
+            max_rate_radps: range.rate_radps,
+            max_force_mps2: range.specific_force_mps2,
             ..Self::EMPTY
         };
     }

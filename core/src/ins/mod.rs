@@ -13,8 +13,10 @@ pub(crate) mod horizon;
 pub mod intake;
 pub mod mechanisation;
 pub mod sample;
+pub mod sample_clock;
 pub mod stationarity;
 pub mod unit;
+pub mod voting;
 
 pub use aiding::{MagneticSample, PressureSample};
 pub use aids::{AidUse, AidsConfig, AidsConfigError, BarometerModel, ZeroVelocityModel};
@@ -27,5 +29,9 @@ pub use sample::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialConfigError, InertialNoise,
     InitialSigma, InitialState, MeasurementFactors, ReferenceModel, SensorRange,
 };
+pub use sample_clock::{NoTime, SampleClock, SampleClockCounters, SampleClockState};
 pub use stationarity::{Scatter, Stationarity};
 pub use unit::{MAX_UNITS, UnitSample};
+pub use voting::{
+    UnitConfig, UnitFault, UnitState, UnitTolerance, Voting, VotingConfigureError, VotingMode,
+};

@@ -205,7 +205,7 @@ pub enum InertialConfigError {
     Mounting,
     /// A lever arm longer than 100 m.
     LeverArm,
-    /// A limit for the sigma of a heading that is not between 0 and 45°.
+    /// A limit for the sigma of a heading that is not between 0 and 30°.
     HeadingLimit {
         /// The number given, rad.
         value_rad: f64,
@@ -299,7 +299,7 @@ impl InertialConfig {
 }
 
 /// Rows orthonormal to 1e-6 and right-handed; NaN is not.
-fn is_rotation(c: &[[f64; 3]; 3]) -> bool {
+pub(crate) fn is_rotation(c: &[[f64; 3]; 3]) -> bool {
     let [a, b, d] = *c;
     let dot = |u: [f64; 3], v: [f64; 3]| {
         let ([u0, u1, u2], [v0, v1, v2]) = (u, v);

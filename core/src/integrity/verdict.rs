@@ -57,6 +57,8 @@ pub enum InertialStatus {
     Unhealthy = 8,
     /// The receiver's epoch came after samples that are later by more than one interval.
     EpochLate = 9,
+    /// Inertial units differ, and none of them explains it alone.
+    ImuDisagree = 10,
 }
 
 /// Why a verdict is what it is.
@@ -314,7 +316,7 @@ impl Mode {
 
 impl InertialStatus {
     /// Every status, in the order of its number in a report frame.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Off,
         Self::NoSample,
         Self::Aligning,
@@ -325,6 +327,7 @@ impl InertialStatus {
         Self::ImuTime,
         Self::Unhealthy,
         Self::EpochLate,
+        Self::ImuDisagree,
     ];
 
     /// Name in files.
@@ -340,6 +343,7 @@ impl InertialStatus {
             Self::ImuTime => "imu_time",
             Self::Unhealthy => "unhealthy",
             Self::EpochLate => "epoch_late",
+            Self::ImuDisagree => "imu_disagree",
         }
     }
 

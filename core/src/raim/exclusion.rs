@@ -66,9 +66,15 @@ impl RowSet {
     /// No row.
     pub const EMPTY: Self = Self { bits: 0 };
 
-    fn with(self, row: usize) -> Self {
+    /// This set and the row; rows from 64 on change nothing.
+    #[must_use]
+    pub const fn with(self, row: usize) -> Self {
         Self {
-            bits: self.bits | 1 << (row & 63),
+            bits: if row < 64 {
+                self.bits | 1 << row
+            } else {
+                self.bits
+            },
         }
     }
 

@@ -3,7 +3,8 @@
 //! In reading order: [`parity`] tests an epoch for a fault, [`thresholds`] says when a statistic is
 //! too large, [`slope`] bounds what an undetected fault can do to the position, [`level`] adds the noise, [`exclusion`] finds the
 //! faulty rows, [`bias`] tells how far one is off, [`ls`] is the same test computed the textbook's way, for comparison. [`araim`] bounds the
-//! error against every likely fault by solution separation.
+//! error against every likely fault by solution separation. [`monitors`] gives all of them, and those of other
+//! sources, one face.
 //!
 //! A redundancy is the number of rows minus the number of unknowns. ERRATA of [P1]: with several
 //! constellations it is n − 3 − (number of constellations).
@@ -12,9 +13,13 @@ pub mod araim;
 pub mod bias;
 pub mod bounded;
 pub mod exclusion;
+pub mod igg3;
 pub mod level;
 pub mod ls;
+pub mod monitors;
 pub mod parity;
+pub mod reconstructed;
+pub mod rms;
 pub mod slope;
 pub mod thresholds;
 

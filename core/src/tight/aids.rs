@@ -29,6 +29,7 @@ use crate::ekf::layout::{ACCEL_BIAS, VELOCITY};
 use crate::ekf::{EpochInformation, ErrorState, MeasurementRow};
 use crate::frames::geodesy;
 use crate::ins::aiding::PressureSample;
+use crate::ins::horizon::Aiding;
 use crate::ins::{
     AidUse, AidsConfig, Barometer, BarometerModel, Increment, Stationarity, ZeroVelocityModel,
 };
@@ -245,9 +246,13 @@ impl TightMonitor {
 
     /// A sample of the barometer.
     pub(crate) fn on_pressure(&mut self, sample: &PressureSample) {
-        if self.aids.config.barometer.is_none() {
-            return;
+        if self.aids.config.barometer.is_some() {
+            self.await_increments(Aiding::Pressure(*sample));
         }
+    }
+
+    /// A sample of the barometer whose time the nominal has come to.
+    pub(super) fn take_pressure(&mut self, sample: &PressureSample) {
         let Some(height) = self.aids.barometer.take(sample) else {
             self.aids.latest = None;
             return;
@@ -256,7 +261,7 @@ impl TightMonitor {
             self.aids.latest = None;
             return;
         }
-        // The nominal waits for an epoch that is late: what is farther ahead of it is not compared.
+        // Of a barometer that is itself late, or after a gap of the inertial samples.
         let lead_ns = height.time.ns().wrapping_sub(self.navigator.time().ns());
         if !(-MAX_APART_NS..=MAX_APART_NS).contains(&lead_ns) {
             return;
@@ -273,12 +278,16 @@ impl TightMonitor {
 
     /// The speed by the satellites of an epoch, if they passed their test.
     pub(super) fn note_speed(&mut self, tested: Option<&TestedSolution<'_>>) {
+        if let Some(v_enu_mps) = tested.and_then(|tested| tested.solution.velocity_enu_mps) {
+            self.note_velocity(v_enu_mps);
+        }
+    }
+
+    /// The speed by a velocity of the receiver, of whatever axes.
+    pub(super) fn note_velocity(&mut self, velocity_mps: [f64; 3]) {
         let now = self.navigator.time();
-        let Some(v_enu) = tested.and_then(|tested| tested.solution.velocity_enu_mps) else {
-            return;
-        };
-        let v_enu = Vector3::from(v_enu);
-        let speed_mps = libm::sqrt(v_enu.dot(&v_enu));
+        let velocity = Vector3::from(velocity_mps);
+        let speed_mps = libm::sqrt(velocity.dot(&velocity));
         if speed_mps > MOVING_MPS {
             self.aids.standstill_is_excluded = false;
         }

@@ -31,8 +31,8 @@ use crate::ins::alignment::AlignmentMode;
 use crate::integrity::InertialStatus;
 use crate::time::GpsTime;
 
-/// Largest one sigma of the attitude about any axis, rad: 30°.
-const MAX_SIGMA_RAD: f64 = core::f64::consts::FRAC_PI_6;
+/// Largest one sigma of the attitude about any axis, rad: 20°.
+const MAX_SIGMA_RAD: f64 = core::f64::consts::PI / 9.0;
 /// One sigma of the turn below which it confirms or refutes, rad: 3°.
 const CONFIRMED_RAD: f64 = 3.0 * core::f64::consts::PI / 180.0;
 /// See [`CONFIRMED_RAD`].
@@ -145,6 +145,7 @@ impl TightMonitor {
 
     /// Before an epoch: keeps what the nominal predicts for it.
     pub(crate) fn note_prediction(&mut self, time: GpsTime) {
+        self.release(time);
         self.earned.predicted_v_e_mps = (self.is_running() && !self.earned.is_earned)
             .then(|| self.navigator.antenna(time).v_e_mps);
     }

@@ -2,8 +2,8 @@
 //! when the epoch is taken.
 //!
 //! ```text
-//! intake ─► held samples ──up to the horizon──► nominal, alignment
-//!                 └─────── all of them ───────► navigation now
+//! intake, magnetometer, barometer ─► held samples ──up to the horizon──► nominal, alignment
+//!                                          └─────── all of them ───────► navigation now
 //! ```
 //!
 //! With an epoch that comes in time the filter does what it would have done had it come at once, to the
@@ -12,7 +12,7 @@
 use super::{CLOCKS, TightMonitor, UNSEEN_FORCE_MPS2, UNSEEN_RATE_RADPS};
 use crate::ekf::navigator::AntennaState;
 use crate::ins::Taken;
-use crate::ins::horizon::{CAPACITY, Held, HorizonState, Limit};
+use crate::ins::horizon::{Aiding, CAPACITY, Held, HorizonState, Limit};
 use crate::time::GpsTime;
 
 impl TightMonitor {
@@ -54,6 +54,12 @@ impl TightMonitor {
 
     fn carry(&mut self, held: &Held) {
         self.step(&held.increment, held.time);
+        for _ in 0..CAPACITY {
+            let Some(aiding) = self.horizon.pass_aiding() else {
+                break;
+            };
+            self.take_aiding(&aiding);
+        }
         if !held.is_bridge {
             if let Some(due) = self.horizon.due() {
                 self.remember(due);
@@ -62,6 +68,24 @@ impl TightMonitor {
             let gap_s = held.increment.dt_s;
             self.navigator
                 .add_uncertainty(UNSEEN_RATE_RADPS * gap_s, UNSEEN_FORCE_MPS2 * gap_s);
+        }
+    }
+
+    /// A sample of another sensor: taken when the increments up to its time have been carried on.
+    pub(super) fn await_increments(&mut self, aiding: Aiding) {
+        if let Some(aiding) = self.horizon.put_aiding(aiding) {
+            self.take_aiding(&aiding);
+        }
+    }
+
+    fn take_aiding(&mut self, aiding: &Aiding) {
+        match aiding {
+            Aiding::Field(sample) => {
+                if !self.is_running() {
+                    self.alignment.on_field(sample);
+                }
+            }
+            Aiding::Pressure(sample) => self.take_pressure(sample),
         }
     }
 

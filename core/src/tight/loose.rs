@@ -57,6 +57,15 @@ const fn correlation_s(quality: FixQuality) -> f64 {
     }
 }
 
+/// By how much more one sigma of a position is to be taken, `since_s` after the last one: errors that last are
+/// averaged by that much slower. 1 for the first.
+fn lasting(quality: FixQuality, since_s: Option<f64>) -> f64 {
+    let rho = since_s
+        .filter(|since_s| *since_s > 0.0)
+        .map_or(0.0, |since_s| libm::exp(-since_s / correlation_s(quality)));
+    libm::sqrt((1.0 + rho) / (1.0 - rho))
+}
+
 /// The last fix that was taken.
 #[derive(Clone, Copy, Debug)]
 struct LastFix {
@@ -154,6 +163,10 @@ impl TightMonitor {
             .solution
             .as_ref()
             .and_then(|solution| self.take_fix(fix.time, solution, &at));
+        let velocity = fix.solution.as_ref().and_then(|solution| solution.velocity);
+        if let Some(velocity) = velocity.filter(|_| differ.is_none()) {
+            self.note_velocity(velocity.ned_mps);
+        }
         let told = self.finish(&at)?;
         if let Some(by) = differ {
             self.doubt(by)?;
@@ -177,12 +190,8 @@ impl TightMonitor {
         let (position_factor, velocity_factor) = factors.map_or((1.0, 1.0), |factors| {
             (factors.pseudorange, factors.range_rate)
         });
-        let since_s = self
-            .loose
-            .last
-            .map_or(f64::INFINITY, |last| time.seconds_since(last.time));
-        let rho = libm::exp(-since_s / correlation_s(solution.quality));
-        let lasting = libm::sqrt((1.0 + rho) / (1.0 - rho));
+        let since_s = self.loose.last.map(|last| time.seconds_since(last.time));
+        let lasting = lasting(solution.quality, since_s);
         let horizontal_m =
             position_factor * solution.horizontal_accuracy_m * core::f64::consts::FRAC_1_SQRT_2;
         let sigma_enu_m = [
@@ -380,5 +389,48 @@ impl TightMonitor {
             }
         }
         sigma_enu_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// INT-118. The mean of n errors e_k = ρ e_{k−1} + … has the variance σ²/n (1 + ρ)/(1 − ρ) for many: as a filter
+    /// that takes them for white with `lasting` σ believes.
+    #[test]
+    fn int_118_errors_that_last_are_averaged_as_slowly_as_they_last() {
+        let (n, since_s) = (4000_i32, 0.25);
+        for quality in [FixQuality::Fixed, FixQuality::Float, FixQuality::Code] {
+            let rho = libm::exp(-since_s / correlation_s(quality));
+            // Σ over all pairs of ρ^|j − k|.
+            let pairs: f64 = (1..n)
+                .map(|apart| 2.0 * f64::from(n - apart) * libm::pow(rho, f64::from(apart)))
+                .sum();
+            let of_mean = (f64::from(n) + pairs) / f64::from(n).powi(2);
+            let believed = lasting(quality, Some(since_s)).powi(2) / f64::from(n);
+            assert!((believed / of_mean - 1.0).abs() < 0.04, "{quality:?}");
+        }
+    }
+
+    #[test]
+    fn a_fix_without_one_before_is_as_good_as_it_says() {
+        for since_s in [None, Some(0.0), Some(-1.0), Some(f64::NAN), Some(1e9)] {
+            assert_eq!(lasting(FixQuality::Code, since_s), 1.0, "{since_s:?}");
+        }
+    }
+
+    /// INT-118. What is no number is refused.
+    #[test]
+    fn int_118_an_innovation_that_is_no_number_is_not_credible() {
+        let row = |innovation, innovation_sigma| Row {
+            innovation,
+            innovation_sigma,
+            ..Row::ZERO
+        };
+        assert!(row(5.9, 1.0).is_credible() && row(-5.9, 1.0).is_credible());
+        assert!(!row(6.1, 1.0).is_credible() && !row(-6.1, 1.0).is_credible());
+        assert!(!row(f64::NAN, 1.0).is_credible() && !row(0.0, f64::NAN).is_credible());
+        assert!(!row(f64::INFINITY, 1.0).is_credible());
     }
 }

@@ -68,6 +68,8 @@ pub enum Kind {
     Aids = 15,
     /// How late the receiver's epochs arrive, into the monitor.
     ReceiverLatency = 34,
+    /// What is known of one of several inertial units, into the monitor.
+    Unit = 14,
     /// What the monitor says of an epoch.
     Report = 16,
     /// How much input was lost and why, out of the monitor.
@@ -105,6 +107,7 @@ impl Kind {
             13 => Self::MagneticField,
             15 => Self::Aids,
             34 => Self::ReceiverLatency,
+            14 => Self::Unit,
             16 => Self::Report,
             17 => Self::Counters,
             18 => Self::OutputInvalid,

@@ -121,6 +121,11 @@ impl Scanner {
         taken
     }
 
+    /// Bytes taken that belong to no frame yet, nor are known to belong to none.
+    pub fn bytes_in_hand(&self) -> usize {
+        self.unused().len()
+    }
+
     /// The stream ends: a frame that is not complete now never will be.
     pub fn end(&mut self) {
         self.ended = true;

@@ -42,6 +42,11 @@ static FAST: ConstStaticCell<MonitorFastFilters> = ConstStaticCell::new(MonitorF
 static SECONDARIES: ConstStaticCell<MonitorSecondaries> =
     ConstStaticCell::new(MonitorSecondaries::EMPTY);
 
+/// Bytes on their way to a recording.
+#[cfg(feature = "spi-bridge")]
+static RECORDING: ConstStaticCell<crate::recording::Recording> =
+    ConstStaticCell::new(crate::recording::Recording::EMPTY);
+
 /// The memory that one task takes.
 pub struct Memory {
     /// All state of surefix but the filters of the bank.
@@ -54,6 +59,9 @@ pub struct Memory {
     pub bank: &'static mut BankReport,
     /// The satellites of an epoch.
     pub satellites: &'static mut SatelliteReport,
+    /// Bytes on their way to a recording.
+    #[cfg(feature = "spi-bridge")]
+    pub recording: &'static mut crate::recording::Recording,
 }
 
 impl Memory {
@@ -65,6 +73,8 @@ impl Memory {
             secondaries: SECONDARIES.try_take()?,
             bank: BANK.try_take()?,
             satellites: SATELLITES.try_take()?,
+            #[cfg(feature = "spi-bridge")]
+            recording: RECORDING.try_take()?,
         })
     }
 }

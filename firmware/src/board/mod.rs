@@ -11,6 +11,10 @@
 //! | `ticks()`, `ticks_per_second()` | a clock for the age of answers, wraps; no rate where time is not kept |
 //! | `BAUD` | speed of the lines, on which bytes come and answers leave |
 //! | `RECEIVE_DELAY` | longest time from a byte to its interrupt, bytes |
+//! | `Bus`, `present()` | with sensors: `SpiDevice` of the part of a number; which are there |
+//! | `Edges` | with sensors: lines that became active, interrupt-driven |
+//! | `Alarm` | with sensors: interrupts when a driver wants to be served |
+//! | `now_ns()` | with sensors: a clock that does not wrap, for their samples |
 //! | `emergency_output()` | the output port for handlers that never return |
 
 #[cfg(feature = "board-mps2")]
@@ -25,6 +29,8 @@ pub use h743::*;
 
 pub mod log;
 pub mod memory;
+#[cfg(feature = "sensors")]
+mod parts;
 mod protection;
 pub mod stack;
 
@@ -38,6 +44,15 @@ pub struct Ports {
     pub acknowledge: Acknowledge,
     /// The cycle counter.
     pub cycles: Cycles,
+    /// Lines of the sensors that become active.
+    #[cfg(feature = "sensors")]
+    pub edges: Edges,
+    /// Interrupts when a driver wants to be served.
+    #[cfg(feature = "sensors")]
+    pub alarm: Alarm,
+    /// The sensors.
+    #[cfg(feature = "sensors")]
+    pub parts: crate::sensors::Parts<'static>,
 }
 
 /// One entry of the vector table.
@@ -51,10 +66,14 @@ pub union Vector {
 unsafe extern "C" {
     fn RECEIVER();
     fn WORKER();
+    #[cfg(feature = "sensors")]
+    fn SENSORS();
+    #[cfg(feature = "sensors")]
+    fn SAMPLER();
     fn DefaultHandler();
 }
 
-/// A table that sends the two interrupts of the application to their handlers and all others to
+/// A table that sends the interrupts of the application to their handlers and all others to
 /// cortex-m-rt's default handler.
 const fn vector_table<const N: usize>(receiver: Interrupt, worker: Interrupt) -> [Vector; N] {
     let mut table = [Vector {
@@ -62,5 +81,10 @@ const fn vector_table<const N: usize>(receiver: Interrupt, worker: Interrupt) ->
     }; N];
     table[receiver as usize] = Vector { handler: RECEIVER };
     table[worker as usize] = Vector { handler: WORKER };
+    #[cfg(feature = "sensors")]
+    {
+        table[Interrupt::SENSORS as usize] = Vector { handler: SENSORS };
+        table[Interrupt::SAMPLER as usize] = Vector { handler: SAMPLER };
+    }
     table
 }

@@ -15,6 +15,8 @@
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
+//! | `voting` | three inertial units, a fault of one, none, or of rising size | `voting.rs` |
+//! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
 //! | `constellation-faults` | a flight with each fault of a constellation | `double_faults.rs` |
 //!
 //! The campaigns of the filter bank drive core's navigator and bank directly: `flown.rs` the truth,
@@ -35,12 +37,14 @@ pub mod monte_carlo;
 pub mod outcome;
 pub mod recording_faults;
 pub mod rig;
+pub mod robust;
 pub mod seed_ramp;
 pub mod seed_sweep;
 pub mod sky;
 pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
+pub mod voting;
 pub mod wide_headings;
 
 use std::path::{Path, PathBuf};
@@ -55,6 +59,43 @@ use outcome::Campaign;
 
 /// Trials of `filter-consistency` unless told otherwise.
 const CONSISTENCY_TRIALS: u64 = 200;
+
+/// `robust`: its result, tables and picture.
+fn robust_estimation(args: &Args) -> Result<()> {
+    if args.shard.is_some() {
+        bail!("robust has no shards: give runs of different --seed instead");
+    }
+    let data = args.data.parent().unwrap_or(Path::new("."));
+    let trials = args.trials.unwrap_or(robust::TRIALS);
+    let config = args.settings.config()?;
+    let subjects = robust::recordings::subjects(data, &config, args.seed, false)?;
+    let result = robust::RobustResult {
+        campaign: "robust",
+        seed: args.seed,
+        trials,
+        subjects: subjects
+            .iter()
+            .map(|subject| robust::assess(subject, trials, args.seed))
+            .collect(),
+    };
+    let tables = robust::report::tables(&result);
+    print!("{tables}");
+    let json = serde_json::to_string_pretty(&result)? + "\n";
+    for (extension, text) in [
+        ("json", json),
+        ("md", tables),
+        ("svg", robust::report::figure(&result)),
+    ] {
+        let path = if extension == "json" {
+            args.out.clone()
+        } else {
+            args.out.with_extension(extension)
+        };
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("written: {}", path.display());
+    }
+    Ok(())
+}
 
 /// Result of `filter-consistency`.
 #[derive(Serialize)]
@@ -90,7 +131,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, wide-headings), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, robust, wide-headings), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -104,7 +145,7 @@ pub struct Args {
     /// Run shard I of K, I from 1
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
-    /// Directory with the recording ESBC; those of recording-faults lie beside it
+    /// Directory with the recording ESBC; those of recording-faults and robust lie beside it
     #[arg(
         long,
         value_name = "DIR",
@@ -138,6 +179,7 @@ pub fn run(args: &Args) -> Result<()> {
         || bank_campaign::<double_faults::ConstellationFaults>(&name, args)?
         || bank_campaign::<time_to_alert::TimeToAlert>(&name, args)?
         || bank_campaign::<latency::Latency>(&name, args)?
+        || bank_campaign::<voting::VotingCampaign>(&name, args)?
     {
         return Ok(());
     }
@@ -175,6 +217,10 @@ pub fn run(args: &Args) -> Result<()> {
             let trials = args.trials.unwrap_or(aids::TRIALS);
             return aids::run(data, args.seed, trials, &args.out);
         }
+        "robust" => {
+            check_out(&args.out)?;
+            return robust_estimation(args);
+        }
         "recording-faults" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -189,7 +235,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, aids, latency, wide-headings, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, robust, wide-headings, or merge"
             )
         }
     };

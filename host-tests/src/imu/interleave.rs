@@ -9,29 +9,76 @@ use std::ops::Range;
 
 use anyhow::{Result, bail};
 use surefix_core::config::Config;
-use surefix_core::ingest::{Event, Ingest, encode_imu};
-use surefix_core::ins::ImuSample;
+use surefix_core::ingest::{Event, Ingest, encode_imu, encode_unit_sample};
+use surefix_core::ins::{ImuSample, UnitSample};
 use surefix_core::time::{GpsTime, NS_PER_WEEK};
 use surefix_core::wire::crc::crc24q;
 use surefix_core::wire::native::{self, Frame};
 use surefix_core::wire::ubx;
+
+/// A sample with a time and a frame.
+pub trait Timed {
+    /// End of its interval.
+    fn time(&self) -> GpsTime;
+
+    /// Writes its frame; tells its length.
+    ///
+    /// # Errors
+    /// When it does not fit.
+    fn encode(&self, out: &mut [u8]) -> Result<usize, native::Full>;
+}
+
+/// A sample of the only unit, or of one of those that vote.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Measured {
+    /// Of the only one.
+    Alone(ImuSample),
+    /// Of the unit of a number.
+    OfUnit(u8, UnitSample),
+}
+
+impl Timed for ImuSample {
+    fn time(&self) -> GpsTime {
+        self.time
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, native::Full> {
+        encode_imu(self, out)
+    }
+}
+
+impl Timed for Measured {
+    fn time(&self) -> GpsTime {
+        match self {
+            Self::Alone(sample) => sample.time,
+            Self::OfUnit(_, sample) => sample.sample.time,
+        }
+    }
+
+    fn encode(&self, out: &mut [u8]) -> Result<usize, native::Full> {
+        match self {
+            Self::Alone(sample) => encode_imu(sample, out),
+            Self::OfUnit(unit, sample) => encode_unit_sample(*unit, sample, out),
+        }
+    }
+}
 
 /// Samples that wait for their place, with the times at which they arrive.
 ///
 /// They keep their order. One whose time runs backwards arrives where it stands, and so do those after
 /// one whose time is ahead by itself: a wrong time shall not hold up the samples behind it.
 #[derive(Clone, Debug)]
-pub struct Pending<'a> {
-    rest: &'a [ImuSample],
+pub struct Pending<'a, T> {
+    rest: &'a [T],
     latest: Option<GpsTime>,
     /// First and last time of an epoch.
     epochs: Option<(GpsTime, GpsTime)>,
-    all: &'a [ImuSample],
+    all: &'a [T],
 }
 
-impl<'a> Pending<'a> {
+impl<'a, T: Timed> Pending<'a, T> {
     /// All of a recording.
-    pub fn new(samples: &'a [ImuSample]) -> Self {
+    pub fn new(samples: &'a [T]) -> Self {
         Self {
             rest: samples,
             latest: None,
@@ -47,7 +94,7 @@ impl<'a> Pending<'a> {
         time: GpsTime,
         latency_ns: i64,
         week_unknown: bool,
-        take: &mut dyn FnMut(&ImuSample),
+        take: &mut dyn FnMut(&T),
     ) {
         let epoch_in_week_of = |sample: GpsTime| {
             if week_unknown {
@@ -57,19 +104,19 @@ impl<'a> Pending<'a> {
             }
         };
         if let Some(first) = self.all.first() {
-            let time = epoch_in_week_of(first.time);
+            let time = epoch_in_week_of(first.time());
             let from = self.epochs.map_or(time, |(from, _)| from.min(time));
             let to = self.epochs.map_or(time, |(_, to)| to.max(time));
             self.epochs = Some((from, to));
         }
         while let Some((sample, behind)) = self.rest.split_first() {
-            let latest = self.latest.unwrap_or(sample.time.min(time));
+            let latest = self.latest.unwrap_or(sample.time().min(time));
             let arrival = match behind.first() {
                 // Ahead by itself: the next one goes on where the last one was.
-                Some(next) if next.time < sample.time && next.time >= latest => next.time,
-                _ => latest.max(sample.time),
+                Some(next) if next.time() < sample.time() && next.time() >= latest => next.time(),
+                _ => latest.max(sample.time()),
             };
-            if arrival > epoch_in_week_of(sample.time).plus_ns(latency_ns) {
+            if arrival > epoch_in_week_of(sample.time()).plus_ns(latency_ns) {
                 return;
             }
             self.latest = Some(arrival);
@@ -82,8 +129,8 @@ impl<'a> Pending<'a> {
     ///
     /// # Errors
     /// When samples and epochs are not of the same time.
-    pub fn finish(mut self, take: &mut dyn FnMut(&ImuSample)) -> Result<()> {
-        let times = || self.all.iter().map(|sample| sample.time);
+    pub fn finish(mut self, take: &mut dyn FnMut(&T)) -> Result<()> {
+        let times = || self.all.iter().map(Timed::time);
         if let (Some((from, to)), Some(first), Some(last)) =
             (self.epochs, times().min(), times().max())
             && (first > to || last < from)
@@ -200,10 +247,10 @@ fn cuts(bytes: &[u8], config: &Config) -> Vec<Cut> {
 ///
 /// # Errors
 /// When samples and epochs are not of the same time.
-pub fn interleave(
+pub fn interleave<T: Timed>(
     bytes: &[u8],
     config: &Config,
-    mut samples: Pending<'_>,
+    mut samples: Pending<'_, T>,
     mut latency_ns: impl FnMut(usize) -> i64,
     out: &mut Vec<u8>,
 ) -> Result<()> {
@@ -220,10 +267,10 @@ pub fn interleave(
     samples.finish(&mut |sample| put(sample, out))
 }
 
-fn put(sample: &ImuSample, out: &mut Vec<u8>) {
+fn put(sample: &impl Timed, out: &mut Vec<u8>) {
     let mut frame = [0; native::MAX_FRAME];
     // The longest frame holds a sample.
-    if let Ok(length) = encode_imu(sample, &mut frame) {
+    if let Ok(length) = sample.encode(&mut frame) {
         out.extend_from_slice(&frame[..length]);
     }
 }

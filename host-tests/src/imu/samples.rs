@@ -8,10 +8,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use surefix_core::ingest::{Event, Ingest};
-use surefix_core::ins::{ImuSample, InertialConfig, Magnetometer};
+use surefix_core::ins::{ImuSample, InertialConfig, Magnetometer, UnitConfig, UnitSample};
 use surefix_core::time::{GpsTime, NS_PER_S};
 use surefix_core::wire::native::Frame;
 
+use super::Measured;
 use super::settings::{
     AccelerometerUnit, Column, FileSettings, GyroscopeUnit, ImuSettings, STANDARD_GRAVITY_MPS2,
     TimeScale,
@@ -32,6 +33,10 @@ pub struct Recorded {
     pub samples: Vec<ImuSample>,
     /// How long after its instant an epoch of the receiver beside it arrives, ns.
     pub receiver_latency_ns: u32,
+    /// The units that vote, with their numbers; `unit` is then what the vote gives.
+    pub units: Vec<(u8, UnitConfig)>,
+    /// Their samples, in the order of the file; there are then no others.
+    pub unit_samples: Vec<(u8, UnitSample)>,
     /// Lines or frames that could not be read.
     pub bad_lines: u64,
 }
@@ -71,8 +76,21 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         magnetometer: settings.magnetometer()?,
         samples,
         receiver_latency_ns: settings.receiver_latency_ns()?,
+        units: Vec::new(),
+        unit_samples: Vec::new(),
         bad_lines,
     })
+}
+
+impl Recorded {
+    /// Every sample.
+    pub fn measured(&self) -> Vec<Measured> {
+        let alone = self.samples.iter().copied().map(Measured::Alone);
+        let of_units = self.unit_samples.iter();
+        alone
+            .chain(of_units.map(|(unit, sample)| Measured::OfUnit(*unit, *sample)))
+            .collect()
+    }
 }
 
 fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded> {
@@ -82,6 +100,7 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
     let magnetometer = settings.map(ImuSettings::magnetometer).transpose()?;
     let mut magnetometer = magnetometer.flatten();
     let (mut samples, mut rest) = (Vec::new(), bytes);
+    let (mut units, mut unit_samples) = (Vec::new(), Vec::new());
     loop {
         let (used, mut event) = ingest.push(rest);
         rest = rest.get(used..).unwrap_or_default();
@@ -90,6 +109,8 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         }
         match event {
             Event::Imu(sample) => samples.push(sample),
+            Event::Unit { unit, config } => units.push((unit, config)),
+            Event::UnitSample { unit, sample } => unit_samples.push((unit, sample)),
             Event::Inertial(said) => {
                 unit.get_or_insert(said);
             }
@@ -112,8 +133,11 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         counters.native_refused,
         counters.cut_off_frames,
     ];
-    if samples.is_empty() {
+    if samples.is_empty() && unit_samples.is_empty() {
         bail!("it holds no inertial sample: give a recording of an inertial unit");
+    }
+    if !samples.is_empty() && !unit_samples.is_empty() {
+        bail!("it holds samples with and without the number of their unit: give one or the other");
     }
     let Some(unit) = unit else {
         bail!("it does not say what the unit is: add a section [imu] to the file of --config");
@@ -123,6 +147,8 @@ fn read_frames(bytes: &[u8], settings: Option<&ImuSettings>) -> Result<Recorded>
         magnetometer,
         samples,
         receiver_latency_ns: latency_ns.unwrap_or(0),
+        units,
+        unit_samples,
         bad_lines: bad_lines.into_iter().map(u64::from).sum(),
     })
 }

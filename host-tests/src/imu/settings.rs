@@ -255,6 +255,16 @@ impl Mounting {
     }
 }
 
+/// C^b_s of a mounting of these angles, degrees, as of section `[imu.mounting]`; rows.
+pub fn mounting_c_b_s([roll_deg, pitch_deg, yaw_deg]: [f64; 3]) -> [[f64; 3]; 3] {
+    Mounting {
+        roll_deg,
+        pitch_deg,
+        yaw_deg,
+    }
+    .c_b_s()
+}
+
 impl ClockPreset {
     /// From the Allan variance coefficients, [BROWN-HWANG]: S_b = c² h0/2, S_d = c² 2π² h−2.
     fn noise(self) -> ClockNoise {
@@ -444,7 +454,7 @@ impl ImuSettings {
                 bail!("[imu.mounting] holds an angle that is no number")
             }
             Err(InertialConfigError::HeadingLimit { value_rad }) => bail!(
-                "[imu.start] max_heading_sigma_deg = {} is not between 0 and 45",
+                "[imu.start] max_heading_sigma_deg = {} is not between 0 and 30",
                 value_rad.to_degrees()
             ),
             Err(InertialConfigError::LeverArm) => bail!(
@@ -614,7 +624,7 @@ mod tests {
             r#"attitude = "gyrocompass", max_heading_sigma_deg = 50"#,
             "",
         );
-        assert!(wide.unwrap_err().to_string().contains("between 0 and 45"));
+        assert!(wide.unwrap_err().to_string().contains("between 0 and 30"));
         let magnetic = r#"attitude = "magnetic_field""#;
         let without = start(magnetic, "").unwrap_err().to_string();
         assert!(without.contains("[imu.magnetometer]"), "{without}");

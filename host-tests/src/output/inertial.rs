@@ -11,7 +11,7 @@ use super::{field, t_s};
 
 /// Columns of `inertial.csv`.
 pub const INERTIAL_COLUMNS: &str = "t_s,status,alignment,sigma_north_deg,sigma_east_deg,\
-    sigma_heading_deg,obstacle,unit_0,unit_1,unit_2,lead_of_samples_s,\
+    sigma_heading_deg,obstacle,voting,unit_0,unit_1,unit_2,fault_0,fault_1,fault_2,lead_of_samples_s,\
     latency_s,held_samples,epochs_too_late,now_t_s,now_x_m,now_y_m,now_z_m,now_vx_mps,now_vy_mps,now_vz_mps,\
     standstill,climb,height,height_bias_m";
 
@@ -36,8 +36,12 @@ pub fn write_inertial(
             field(&mut line, sigma_rad.map(f64::to_degrees));
         }
         let _ = write!(line, ",{}", inertial.alignment.obstacle.name());
+        let _ = write!(line, ",{}", inertial.voting.name());
         for unit in &inertial.units {
             let _ = write!(line, ",{}", unit.state.name());
+        }
+        for unit in &inertial.units {
+            let _ = write!(line, ",{}", unit.fault.name());
         }
         let lead_ns = inertial.timing.lead_of_samples_ns;
         field(&mut line, lead_ns.map(|ns| ns as f64 / 1e9));

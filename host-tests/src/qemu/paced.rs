@@ -10,6 +10,8 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use super::{QemuError, log, machine};
+use crate::bridge::Sensors;
+use crate::bridge::server::{Served, Server};
 
 /// Bytes the board's memory has room for.
 pub const MOST_BYTES: usize = 16 << 20;
@@ -23,12 +25,15 @@ pub const INSTRUCTIONS_PER_TICK: u64 = 10;
 const SILENCE: Duration = Duration::from_secs(120);
 
 /// What a run left behind.
-#[derive(Clone, Debug)]
 pub struct Outcome {
     /// What the board sent.
     pub output: Vec<u8>,
     /// What it told of its times.
     pub told: Vec<u8>,
+    /// What its monitor was given, when it has sensors.
+    pub recording: Vec<u8>,
+    /// The sensors, when it has some.
+    pub served: Option<Served>,
     /// Its log.
     pub log: Vec<String>,
     /// Time it took on this machine.
@@ -52,12 +57,24 @@ fn io(what: &'static str) -> impl FnOnce(std::io::Error) -> QemuError {
     move |error| QemuError::Io { what, error }
 }
 
-/// Boots `elf` with `stream` in its memory and waits until the board resets; `progress` sees how many
-/// bytes it has sent.
+fn bus(error: anyhow::Error) -> QemuError {
+    QemuError::Io {
+        what: "the bus of the sensors",
+        error: std::io::Error::other(error),
+    }
+}
+
+/// Boots `elf` with `stream` in its memory and `sensors` at its lines, for an image that looks for them, and
+/// waits until the board resets; `progress` sees how many bytes it has sent.
 ///
 /// # Errors
 /// [`QemuError`]; a board that withdraws its output is no error here, its frame is in the output.
-pub fn run(elf: &Path, stream: &[u8], progress: &mut dyn FnMut(u64)) -> Result<Outcome, QemuError> {
+pub fn run(
+    elf: &Path,
+    stream: &[u8],
+    sensors: Option<Sensors>,
+    progress: &mut dyn FnMut(u64),
+) -> Result<Outcome, QemuError> {
     let started = Instant::now();
     let folder = machine::fresh_folder().map_err(io("cannot make a folder for the run"))?;
     let file = |name: &str| folder.join(name);
@@ -78,6 +95,13 @@ pub fn run(elf: &Path, stream: &[u8], progress: &mut dyn FnMut(u64)) -> Result<O
             .args(["-chardev"])
             .arg(format!("file,id={name},path={}", file(name).display()));
         command.args(["-serial", &format!("chardev:{name}")]);
+    }
+    let mut server = None;
+    if let Some(sensors) = sensors {
+        server = Some(Server::start(&folder, sensors).map_err(bus)?);
+        command
+            .args(["-semihosting-config", "enable=on,target=native"])
+            .current_dir(&folder);
     }
     let prepared = fs::write(file("stream"), stream).and_then(|()| File::create(file("stderr")));
     let process = prepared
@@ -123,6 +147,7 @@ pub fn run(elf: &Path, stream: &[u8], progress: &mut dyn FnMut(u64)) -> Result<O
         }
         thread::sleep(Duration::from_millis(20));
     };
+    let served = server.map(Server::finish).transpose().map_err(bus)?;
     let read = |name: &str| fs::read(file(name)).map_err(io("cannot read what the board sent"));
     let log = log::decode(elf, &read("log")?);
     if !status.success() {
@@ -136,6 +161,11 @@ pub fn run(elf: &Path, stream: &[u8], progress: &mut dyn FnMut(u64)) -> Result<O
     Ok(Outcome {
         output: read("output")?,
         told: read("told")?,
+        recording: match served {
+            Some(_) => read("recording")?,
+            None => Vec::new(),
+        },
+        served,
         log,
         elapsed: started.elapsed(),
     })

@@ -17,7 +17,7 @@ pub const BAUD: u64 = 921_600;
 /// Longest time from a byte to its interrupt, bytes (firmware: board/mps2/line.rs).
 const RECEIVE_DELAY: u64 = 10;
 /// Time the board has for its start, s.
-const START_S: f64 = 0.1;
+pub const START_S: f64 = 0.1;
 
 /// Frames that are due together.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,6 +79,8 @@ pub struct Line {
     pub start: GpsTime,
     /// Ticks of the board that stand for a second.
     pub ticks_per_second: u64,
+    /// How much the board's clock is too fast, parts in a million.
+    pub ppm: f64,
 }
 
 impl Line {
@@ -92,6 +94,7 @@ impl Line {
             pieces,
             start,
             ticks_per_second: TICKS_PER_SECOND / slow_down,
+            ppm: 0.0,
         })
     }
 
@@ -103,7 +106,7 @@ impl Line {
 
     /// When a time is, in ticks since the board started.
     pub fn ticks(&self, time: GpsTime) -> u64 {
-        let since_s = time.seconds_since(self.start) + START_S;
+        let since_s = time.seconds_since(self.start) * (1.0 + self.ppm * 1e-6) + START_S;
         (since_s * self.ticks_per_second as f64) as u64
     }
 

@@ -35,11 +35,12 @@ use atmosphere::Ionosphere;
 use disturbances::Disturbances;
 use flight::Flight;
 use inertial::sensors::Grade;
+use inertial::unit_faults::UnitFaultSpec;
 use receiver::{Conditions, Epoch, Receiver};
 use stream::{Format, Stream};
 
 /// Time of week of the first epoch, s: ten minutes past a reference time of the ephemerides.
-const START_TOW_S: i64 = 274_200;
+pub(crate) const START_TOW_S: i64 = 274_200;
 /// Longest simulation, s.
 const MAX_DURATION_S: f64 = 172_800.0;
 
@@ -108,6 +109,19 @@ pub struct Command {
     /// place of 20
     #[arg(long)]
     galileo: bool,
+    /// Three inertial units that vote, in units.sfx: at 100, 200 and 125 samples per second, each mounted in its
+    /// own way
+    #[arg(long)]
+    units: bool,
+    /// Fault of one of them: `UNIT:KIND:MAG:T0:T1[:AXIS]`, KIND one of step, drift, scale, stuck, noise,
+    /// silence, offset; may be given several times
+    #[arg(
+        long,
+        value_name = "SPEC",
+        requires = "units",
+        allow_hyphen_values = true
+    )]
+    imu_fault: Vec<UnitFaultSpec>,
 }
 
 /// What a simulation produced.
@@ -347,7 +361,7 @@ impl Command {
     /// # Errors
     /// When the arguments do not go together, or a file cannot be written.
     pub fn run(&self) -> Result<()> {
-        let has_unit = self.imu.is_some() || self.imu_rate_hz.is_some();
+        let has_unit = self.imu.is_some() || self.imu_rate_hz.is_some() || self.units;
         if self.args.name.track().is_some() && !has_unit {
             if self.latency != 0.0 {
                 bail!("--latency is that of a receiver beside an inertial unit: give --imu too");
@@ -378,6 +392,13 @@ impl Command {
         let air = aiding::Air::of_day(seed);
         let barometer = aiding::csv(&aiding::pressures(&scenario, &air, seed, None));
         files.push(("barometer.csv", barometer.as_bytes()));
+        let units = self
+            .units
+            .then(|| inertial::board::units_bytes(&scenario, &self.imu_fault))
+            .transpose()?;
+        if let Some(units) = &units {
+            files.push(("units.sfx", units));
+        }
         write(&self.args.out, &files)?;
         println!(
             "{}: {} s, {} inertial samples ({}), {} receiver epochs in {}",

@@ -10,7 +10,8 @@ use surefix_core::ekf::navigator::Navigator;
 use surefix_core::gnss::{CorrectedEpoch, CorrectedMeasurement, Satellite, System};
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, Increment, InertialConfig, InertialNoise, InitialSigma,
-    InitialState, Intake, MeasurementFactors, Mechanisation, SensorRange, gravity,
+    InitialState, Intake, MAX_UNITS, MeasurementFactors, Mechanisation, SensorRange, UnitConfig,
+    UnitSample, UnitTolerance, Voting, VotingMode, gravity,
 };
 use surefix_core::tight::{CLOCKS, JOINT};
 use surefix_core::time::{GpsTime, NS_PER_S};
@@ -70,6 +71,7 @@ const STATE: InitialState = InitialState {
 
 static MECHANISATION: ConstStaticCell<Mechanisation> = ConstStaticCell::new(Mechanisation::EMPTY);
 static INTAKE: ConstStaticCell<Intake> = ConstStaticCell::new(Intake::EMPTY);
+static VOTING: ConstStaticCell<Voting> = ConstStaticCell::new(Voting::EMPTY);
 static NAVIGATOR: ConstStaticCell<Navigator<CLOCKS, JOINT>> =
     ConstStaticCell::new(Navigator::EMPTY);
 static EPOCH: ConstStaticCell<CorrectedEpoch> = ConstStaticCell::new(CorrectedEpoch::EMPTY);
@@ -79,6 +81,7 @@ static EPOCH: ConstStaticCell<CorrectedEpoch> = ConstStaticCell::new(CorrectedEp
 pub fn all() {
     let mut random = Random::new(5);
     samples(&mut random);
+    vote(&mut random);
     epochs(&mut random);
 }
 
@@ -141,6 +144,60 @@ fn samples(random: &mut Random) {
     alone.print("ins/mechanisation", None, None);
     taken_in.print("ins/intake", None, None);
     both.print("ins/intake+mechanisation", None, None);
+}
+
+/// One of three units that vote.
+const VOTER: UnitConfig = UnitConfig {
+    interval_ns: UNIT.interval_ns,
+    c_b_s: UNIT.c_b_s,
+    lever_arm_b_m: [0.2, -0.1, 0.1],
+    noise: UNIT.noise,
+    range: UNIT.range,
+    tolerance: UnitTolerance {
+        gyro_bias_radps: 1e-4,
+        accel_bias_mps2: 0.01,
+        scale: 1e-3,
+        timing_s: 1e-4,
+    },
+};
+
+/// Three samples of the same time, one of each unit, to one of the vote.
+#[inline(never)]
+fn vote(random: &mut Random) {
+    let voting = VOTING.take();
+    require(voting.begin(UNIT.interval_ns).is_ok(), "no vote");
+    for unit in 0..MAX_UNITS as u8 {
+        require(voting.add(unit, &VOTER).is_ok(), "no unit");
+    }
+    let mut row = Row::new();
+    let dt_s = 1e-9 * f64::from(UNIT.interval_ns);
+    let root_s = libm::sqrt(dt_s);
+    for number in 1..=RUNS as i64 {
+        let samples = [(); MAX_UNITS].map(|()| {
+            let mut noise = |density: f64| density * root_s * random.normal();
+            let dtheta_is_s_rad = [(); 3].map(|()| noise(UNIT.noise.arw));
+            let mut dv_is_s_mps = [(); 3].map(|()| noise(UNIT.noise.vrw));
+            dv_is_s_mps[2] -= 9.8 * dt_s;
+            UnitSample {
+                sample: ImuSample {
+                    time: sky::TIME.plus_ns(number * i64::from(UNIT.interval_ns)),
+                    interval_ns: UNIT.interval_ns,
+                    dtheta_is_s_rad,
+                    dv_is_s_mps,
+                },
+                is_valid: true,
+                temperature_c: None,
+            }
+        });
+        row.run(|| {
+            for (unit, sample) in black_box(&samples).iter().enumerate() {
+                voting.take(unit, sample);
+                black_box(voting.next_sample());
+            }
+        });
+    }
+    require(voting.mode() == VotingMode::Three, "a unit was isolated");
+    row.print("ins/vote", None, None);
 }
 
 /// The navigator of the monitor: the samples of a second, and an epoch of one filter.

@@ -31,6 +31,10 @@ mod output;
 #[cfg(target_os = "none")]
 mod risk;
 #[cfg(target_os = "none")]
+mod robust;
+#[cfg(target_os = "none")]
+mod sensors;
+#[cfg(target_os = "none")]
 mod sky;
 #[cfg(target_os = "none")]
 mod stages;
@@ -53,6 +57,8 @@ fn main() -> ! {
     let transition = filter::all();
     bank::all(transition);
     araim::all();
+    sensors::all();
+    robust::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

@@ -10,13 +10,13 @@ use surefix_core::gnss::{
     BroadcastIonosphere, CorrectedEpoch, EphemerisStore, KlobucharParameters, ObservationEpoch,
     Satellite, SatelliteSet, System,
 };
-use surefix_core::inertial_report::{InertialReport, UnitState};
+use surefix_core::inertial_report::InertialReport;
 use surefix_core::ingest::{self, CorrectedGroup, Ingest, ObservationGroup};
 use surefix_core::ins::alignment::AlignmentMode;
 use surefix_core::ins::{
     AttitudeStart, ClockNoise, ImuSample, InertialConfig, InertialNoise, InitialSigma,
     InitialState, MagneticSample, Magnetometer, MeasurementFactors, PressureSample, ReferenceModel,
-    SensorRange, UnitSample,
+    SensorRange, UnitConfig, UnitFault, UnitSample, UnitState, UnitTolerance, Voting, VotingMode,
 };
 use surefix_core::monitor::Monitor;
 use surefix_core::report::{self, ReportFlags};
@@ -56,6 +56,7 @@ pub fn all(ephemeris: &surefix_core::gnss::Ephemeris, parameters: &KlobucharPara
     let mut ingest = Ingest::EMPTY;
     call2(Ingest::configure, &mut ingest, &Config::PRESET);
     call2(Ingest::push, &mut ingest, bytes);
+    call1(Ingest::bytes_in_hand, &ingest);
     call1(Ingest::finish, &mut ingest);
     call1(Ingest::epoch, &ingest);
     call1(Ingest::corrected_epoch, &ingest);
@@ -141,6 +142,20 @@ pub const MAGNETOMETER: Magnetometer = Magnetometer {
     sigma_ut: 0.5,
 };
 
+const VOTER: UnitConfig = UnitConfig {
+    interval_ns: UNIT.interval_ns,
+    c_b_s: UNIT.c_b_s,
+    lever_arm_b_m: [0.1, 0.0, 0.0],
+    noise: UNIT.noise,
+    range: UNIT.range,
+    tolerance: UnitTolerance {
+        gyro_bias_radps: 1e-4,
+        accel_bias_mps2: 0.01,
+        scale: 1e-3,
+        timing_s: 1e-4,
+    },
+};
+
 fn inertial(bytes: &[u8], out: &mut [u8]) {
     call2(ingest::encode_magnetometer, &MAGNETOMETER, &mut *out);
     call1(ingest::decode_magnetometer, bytes);
@@ -214,6 +229,7 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     let mut monitor = Monitor::EMPTY;
     call2(Monitor::configure, &mut monitor, &Config::PRESET);
     call2(Monitor::push, &mut monitor, bytes);
+    call1(Monitor::bytes_in_hand, &monitor);
     call1(Monitor::finish, &mut monitor);
     call2(Monitor::tick, &mut monitor, GpsTime::from_ns(0));
     call1(Monitor::counters, &monitor);
@@ -265,17 +281,26 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
         call1(AlignmentMode::name, inertial.alignment.mode);
         if let Some(unit) = inertial.units.first() {
             call1(UnitState::name, unit.state);
+            call1(UnitFault::name, unit.fault);
         }
+        call1(VotingMode::name, inertial.voting);
     }
     call1(InertialReport::decode, bytes);
     call1(AlignmentMode::from_u8, 1);
     call1(UnitState::from_u8, 1);
+    call1(UnitFault::from_u8, 1);
+    call1(VotingMode::from_u8, 1);
     let sample = UnitSample {
         sample: SAMPLE,
         is_valid: true,
         temperature_c: None,
     };
+    call3(Monitor::configure_unit, &mut monitor, 0, &VOTER);
     call3(Monitor::on_unit_sample, &mut monitor, 0, &sample);
+    call1(Monitor::voting, &monitor);
+    call3(ingest::encode_unit, 0, &VOTER, out);
+    call1(ingest::decode_unit, bytes);
+    voting(&sample);
     let time = SAMPLE.time;
     let pressure = PressureSample {
         time,
@@ -318,6 +343,20 @@ fn monitor(bytes: &[u8], out: &mut [u8]) {
     {
         call1(SatelliteUse::name, row.fate);
     }
+}
+
+fn voting(sample: &UnitSample) {
+    let mut voting = Voting::EMPTY;
+    call2(Voting::begin, &mut voting, 10_000_000);
+    call3(Voting::add, &mut voting, 0, &VOTER);
+    call3(Voting::take, &mut voting, 0, sample);
+    call1(Voting::next_sample, &mut voting);
+    call2(Voting::shift, &mut voting, 0);
+    call1(Voting::is_configured, &voting);
+    call1(Voting::interval_ns, &voting);
+    call2(Voting::unit, &voting, 0);
+    call1(Voting::mode, &voting);
+    call1(UnitConfig::check, &VOTER);
 }
 
 fn tight() {

@@ -1,13 +1,13 @@
 //! `frames::rotation`, `ins` but for its vocabulary.
 
-use crate::call::{call1, call2, call4};
+use crate::call::{call1, call2, call3, call4};
 use crate::facade::MAGNETOMETER;
 use core::hint::black_box;
 use surefix_core::frames::rotation;
 use surefix_core::ins::alignment::{AlignmentEpoch, Obstacle};
 use surefix_core::ins::{
     CoarseAlignment, ImuSample, Increment, InertialConfig, InitialState, Intake, MagneticSample,
-    Magnetometer, Mechanisation, gravity,
+    Magnetometer, Mechanisation, SampleClock, gravity,
 };
 use surefix_core::time::GpsTime;
 
@@ -33,6 +33,8 @@ pub fn all(config: &InertialConfig, state: &InitialState, sample: &ImuSample) {
         black_box(vector),
         black_box(vector),
     );
+
+    sample_clock();
 
     let mut intake = Intake::EMPTY;
     call2(Intake::configure, &mut intake, config);
@@ -84,6 +86,17 @@ fn coarse_alignment(config: &InertialConfig, increment: &Increment) {
     );
     call2(CoarseAlignment::resume, &mut alignment, false);
     call1(CoarseAlignment::restart, &mut alignment);
+}
+
+fn sample_clock() {
+    let mut clock = SampleClock::EMPTY;
+    call2(SampleClock::pulse, &mut clock, 0);
+    call2(SampleClock::pulse, &mut clock, 1_000_000_000);
+    call3(SampleClock::epoch, &mut clock, GpsTime::from_ns(0), 0);
+    call2(SampleClock::time, &mut clock, 0);
+    call2(SampleClock::state, &clock, 0);
+    call1(SampleClock::counters, &clock);
+    call1(SampleClock::rate_error_ppm, &clock);
 }
 
 fn rotations() {

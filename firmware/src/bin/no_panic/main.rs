@@ -1,4 +1,5 @@
-//! An image that links only when no panic is reachable from any public function of surefix-core.
+//! An image that links only when no panic is reachable from any public function of surefix-core, nor from
+//! the drivers of sensors.
 //!
 //! Its panic handler (`fault.rs`, feature `no-panic`) calls a function that exists nowhere. Each
 //! module here calls the entries of a part of core with arguments the optimiser cannot see through;
@@ -13,6 +14,8 @@ mod araim;
 #[cfg(target_os = "none")]
 mod call;
 #[cfg(target_os = "none")]
+mod drivers;
+#[cfg(target_os = "none")]
 mod ekf;
 #[cfg(target_os = "none")]
 mod facade;
@@ -24,6 +27,8 @@ mod ins;
 mod integrity;
 #[cfg(target_os = "none")]
 mod mhss;
+#[cfg(target_os = "none")]
+mod monitors;
 #[cfg(target_os = "none")]
 mod numbers;
 #[cfg(target_os = "none")]
@@ -48,7 +53,9 @@ fn main() -> ! {
     mhss::all();
     raim::all();
     araim::all();
+    drivers::all();
     aids::all();
+    monitors::all();
     facade::all(&gnss::EPHEMERIS, &gnss::PARAMETERS);
     #[cfg(feature = "no-panic-control")]
     core::hint::black_box([1_u8, 2, 3][core::hint::black_box(3_usize)]);

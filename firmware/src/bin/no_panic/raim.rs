@@ -44,6 +44,7 @@ pub fn all() {
 }
 
 fn rows(rows: RowSet) {
+    call2(RowSet::with, rows, 3);
     call2(RowSet::contains, rows, 0);
     call2(RowSet::contains_all, rows, rows);
     call1(RowSet::len, rows);

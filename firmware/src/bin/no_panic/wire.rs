@@ -99,6 +99,7 @@ fn broadcast(bytes: &[u8]) {
 fn scanner(bytes: &[u8]) {
     let (mut scanner, mut counters) = (Scanner::EMPTY, Counters::ZERO);
     call2(Scanner::feed, &mut scanner, bytes);
+    call1(Scanner::bytes_in_hand, &scanner);
     call1(Scanner::end, &mut scanner);
     call2(Scanner::find, &mut scanner, &mut counters);
     call1(Scanner::frame, &scanner);

@@ -4,15 +4,20 @@
 //! |---|---|---|
 //! | USART3 | PD9 in, PD8 out, to the ST-Link's serial port | receiver bytes in, output frames out |
 //! | USART2 | PD5 out, Zio connector | defmt log |
+//! | SPI1 and lines | sensors/ | with the feature `sensors`: inertial units |
 //!
 //! Sources: RM0433 (reference manual), DS12110 (data sheet, alternate functions), UM2407 (board).
 //! The image links and its sections are checked; it has not run on a board yet.
 
 mod clock;
+#[cfg(feature = "sensors")]
+mod sensors;
 mod start;
 mod uart;
 
 pub use clock::{Cycles, ticks, ticks_per_second};
+#[cfg(feature = "sensors")]
+pub use sensors::{Alarm, Bus, Edges, now_ns, present};
 pub use uart::{Acknowledge, BAUD, RECEIVE_DELAY, Receiver, Transmitter};
 
 use super::{Ports, Vector, protection, vector_table};
@@ -27,12 +32,18 @@ pub const NVIC_PRIO_BITS: u8 = 4;
 pub enum Interrupt {
     /// A byte of the receiver: USART3.
     RECEIVER = 39,
+    /// A line of a sensor: EXTI 10 to 15.
+    #[cfg(feature = "sensors")]
+    SENSORS = 40,
+    /// Serves the drivers: TIM2, and pended by software.
+    #[cfg(feature = "sensors")]
+    SAMPLER = 28,
     /// Pended by software to run the worker: the line of HDMI-CEC, which is not used.
     WORKER = 94,
 }
 pub use Interrupt as interrupt;
 
-// SAFETY: both numbers are NVIC lines of the chip, below the 150 of the vector table.
+// SAFETY: the numbers are NVIC lines of the chip, below the 150 of the vector table.
 unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
     fn number(self) -> u16 {
         self as u16
@@ -61,11 +72,19 @@ pub fn start() -> Ports {
     clock::start(&chip);
     clock::start_counter(&mut core);
     uart::start(&chip);
+    #[cfg(feature = "sensors")]
+    let (edges, alarm) = sensors::start(&chip);
     Ports {
         receiver: Receiver::new(),
         output: Transmitter::output(),
         acknowledge: Acknowledge,
         cycles: Cycles,
+        #[cfg(feature = "sensors")]
+        edges,
+        #[cfg(feature = "sensors")]
+        alarm,
+        #[cfg(feature = "sensors")]
+        parts: super::parts::parts(),
     }
 }
 

@@ -5,6 +5,8 @@
 //! (line.rs) the shift is 2: 4 ns, 250 million instructions a second, of which a tick counts ten.
 
 use core::ptr::{read_volatile, write_volatile};
+#[cfg(feature = "sensors")]
+use core::sync::atomic::{AtomicU32, Ordering};
 use surefix_core::budget::CycleCounter;
 
 const TIMER1: usize = 0x4000_1000;
@@ -29,10 +31,32 @@ pub fn ticks() -> u32 {
     u32::MAX - unsafe { read_volatile(VALUE) }
 }
 
+/// Times that the ticks have gone through half of their 32 bits.
+#[cfg(feature = "sensors")]
+static HALVES: AtomicU32 = AtomicU32::new(0);
+
+/// Notes that another half of the ticks has gone by. For the one interrupt that comes more often than that.
+#[cfg(feature = "sensors")]
+pub(super) fn count_halves() {
+    let halves = HALVES.load(Ordering::Relaxed);
+    if ticks() >> 31 != halves & 1 {
+        HALVES.store(halves.wrapping_add(1), Ordering::Relaxed);
+    }
+}
+
+/// Time since the start, ns; does not wrap.
+#[cfg(feature = "sensors")]
+pub fn now_ns() -> u64 {
+    // Read first: ticks that reach the next half meanwhile still count up from this one.
+    let halves = HALVES.load(Ordering::Relaxed);
+    let ticks = ticks() ^ ((halves & 1) << 31);
+    ((u64::from(halves) << 31) + u64::from(ticks)) * TICK_NS
+}
+
 /// Virtual time of an instruction, ns.
 const INSTRUCTION_NS: u64 = if cfg!(feature = "real-time") { 4 } else { 64 };
 /// Virtual time of a tick, ns.
-const TICK_NS: u64 = 40;
+pub(super) const TICK_NS: u64 = 40;
 #[cfg(feature = "real-time")]
 const TICKS_PER_SECOND: u64 = 1_000_000_000 / TICK_NS;
 

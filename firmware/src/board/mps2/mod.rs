@@ -7,14 +7,22 @@
 //! | 2 | 0x40006000 | defmt log |
 //! | 3 | 0x40007000 | acknowledgements for the replaying host; in real time when epochs were done |
 //!
+//! Sensors are in a process of the host (bridge/).
+//!
 //! Sources: ARM DAI 0500 (AN500) memory map; ARM DDI 0479 (CMSDK) 4.3 UART, 4.1 timer.
 
+#[cfg(feature = "sensors")]
+mod bridge;
 mod clock;
 #[cfg(feature = "real-time")]
 mod line;
 mod markers;
 mod uart;
 
+#[cfg(feature = "sensors")]
+pub use bridge::{Alarm, Bus, Edges, File, present, recording};
+#[cfg(feature = "sensors")]
+pub use clock::now_ns;
 pub use clock::{Cycles, instructions, ticks};
 #[cfg(feature = "real-time")]
 pub use line::{RECEIVE_DELAY, Receiver, ticks_per_second};
@@ -39,12 +47,18 @@ pub enum Interrupt {
     /// A byte of the receiver: timer 0.
     #[cfg(feature = "real-time")]
     RECEIVER = 8,
+    /// A line of a sensor, and the alarm of the drivers: the dual timer.
+    #[cfg(feature = "sensors")]
+    SENSORS = 10,
+    /// Pended by software to serve the drivers: the line of the SPI controllers, which are not used.
+    #[cfg(feature = "sensors")]
+    SAMPLER = 11,
     /// Pended by software to run the worker: the line of the Ethernet chip, which is not used.
     WORKER = 13,
 }
 pub use Interrupt as interrupt;
 
-// SAFETY: both numbers are NVIC lines of the board, below the 32 of the vector table.
+// SAFETY: the numbers are NVIC lines of the board, below the 32 of the vector table.
 unsafe impl cortex_m::interrupt::InterruptNumber for Interrupt {
     fn number(self) -> u16 {
         self as u16
@@ -64,11 +78,19 @@ pub fn start() -> Ports {
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     protection::start(&mut core.MPU);
     clock::start();
+    #[cfg(feature = "sensors")]
+    let (edges, alarm) = bridge::start();
     Ports {
         receiver: Receiver::start(),
         output: Transmitter::start(uart::OUTPUT),
         acknowledge: Acknowledge::start(),
         cycles: Cycles::start(),
+        #[cfg(feature = "sensors")]
+        edges,
+        #[cfg(feature = "sensors")]
+        alarm,
+        #[cfg(feature = "sensors")]
+        parts: super::parts::parts(),
     }
 }
 

@@ -4,17 +4,23 @@
 //! to the antenna, satellite clocks and group delays, MSM7 with Doppler. What a scenario folder holds
 //! is put on top: the same noise and faults on the same satellites, at the same epochs.
 
+use std::sync::Arc;
+
 use anyhow::{Result, anyhow};
 use nalgebra::Matrix3;
 use rand_chacha::ChaCha20Rng;
 use surefix_core::consts::SPEED_OF_LIGHT_MPS;
 use surefix_core::gnss::{ObservationEpoch, Satellite, SignalObservation};
-use surefix_core::ingest::{encode_imu, encode_inertial, encode_receiver_latency};
+use surefix_core::ingest::{
+    encode_imu, encode_inertial, encode_receiver_latency, encode_unit, encode_unit_sample,
+};
 use surefix_core::ins::{AttitudeStart, InertialConfig, MeasurementFactors, SensorRange};
 use surefix_core::time::{GpsTime, NS_PER_S};
 
 use super::clock::CLOCK_NOISE;
 use super::trajectory::matrix;
+use super::unit_faults::UnitFaultSpec;
+use super::units::{FlyingUnit, TrueUnit, UnitPlan};
 use super::{Scenario, random};
 use crate::simulate::atmosphere::{Ionosphere, ionosphere_m};
 use crate::simulate::disturbances::on_carrier;
@@ -192,6 +198,44 @@ pub fn imu_bytes(scenario: &Scenario) -> Result<Vec<u8>> {
         bytes.extend(&frame[..length]);
     }
     Ok(bytes)
+}
+
+/// `units.sfx`: native frames that say what the vote of three units gives and what each is, and their samples
+/// in the order of their times.
+///
+/// # Errors
+/// When a frame does not fit.
+pub fn units_bytes(scenario: &Scenario, faults: &[UnitFaultSpec]) -> Result<Vec<u8>> {
+    let mut frame = [0; 512];
+    let refused = |error| anyhow!("a native frame did not encode: {error:?}");
+    let length = encode_inertial(&unit(scenario), &mut frame).map_err(refused)?;
+    let mut bytes = frame[..length].to_vec();
+    let trajectory = Arc::new(scenario.trajectory.clone());
+    let mut flying = Vec::new();
+    for (number, plan) in UnitPlan::three().into_iter().enumerate() {
+        let config = plan.config(scenario.grade);
+        let length = encode_unit(number as u8, &config, &mut frame).map_err(refused)?;
+        bytes.extend(&frame[..length]);
+        let truth = Arc::new(TrueUnit::new(&trajectory, plan, scenario.duration_s));
+        let seed = scenario.request.seed;
+        let mut unit = FlyingUnit::new(&truth, number, scenario.grade, scenario.start, seed);
+        unit.faults = faults.to_vec();
+        flying.push(unit);
+    }
+    loop {
+        let next = flying
+            .iter()
+            .enumerate()
+            .filter_map(|(number, unit)| Some((unit.next_end_ns()?, number)))
+            .min();
+        let Some((_, number)) = next else {
+            return Ok(bytes);
+        };
+        if let Some(sample) = flying[number].sample() {
+            let length = encode_unit_sample(number as u8, &sample, &mut frame).map_err(refused)?;
+            bytes.extend(&frame[..length]);
+        }
+    }
 }
 
 /// Errors of the second signal: noise of its own and the fault of the first.

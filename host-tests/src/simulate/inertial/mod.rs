@@ -5,6 +5,7 @@
 //! | `imu.csv`, `gnss.csv`, `init.csv`, `truth.csv`, `faults.csv` | a scenario folder |
 //! | `receiver.rtcm3` or `receiver.ubx` | the receiver of the same flight: same track, clock, noise and faults |
 //! | `imu.sfx` | native frames: what the unit is, and the samples of `imu.csv` |
+//! | `units.sfx` | with `--units`: native frames of three units that vote, each with errors of its own, faults of `--imu-fault` |
 //! | `scenario.toml` | what was simulated |
 //!
 //! Read in this order: `profile.rs` smooth functions of time, `motion.rs` a vehicle's velocity and
@@ -21,6 +22,8 @@ pub mod motion;
 pub mod profile;
 pub mod sensors;
 pub mod trajectory;
+pub mod unit_faults;
+pub mod units;
 
 use anyhow::{Result, bail};
 use nalgebra::Vector3;
@@ -274,7 +277,7 @@ fn build(request: &Request, plan: Plan, duration_s: u32) -> Result<Scenario> {
 }
 
 /// How far a filter's start may be off.
-fn initial_sigma(grade: Grade) -> InitialSigma {
+pub(crate) fn initial_sigma(grade: Grade) -> InitialSigma {
     let noise = grade.noise();
     InitialSigma {
         position_m: 10.0,
@@ -288,7 +291,7 @@ fn initial_sigma(grade: Grade) -> InitialSigma {
 }
 
 /// The truth with a draw of the initial sigmas on it; biases are taken for zero.
-fn initial_state(
+pub(crate) fn initial_state(
     start: GpsTime,
     truth: &TruthRow,
     sigma: &InitialSigma,

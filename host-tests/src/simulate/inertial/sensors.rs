@@ -72,6 +72,15 @@ impl Grade {
         }
     }
 
+    /// One sigma of scale factors and misalignments, as a ratio: 10, 300 and 2000 ppm.
+    pub const fn scale(self) -> f64 {
+        match self {
+            Self::Navigation => 1e-5,
+            Self::Tactical => 3e-4,
+            Self::Mems => 2e-3,
+        }
+    }
+
     /// Its densities and initial errors in SI units.
     pub fn noise(self) -> GradeNoise {
         let [arw, vrw, gyro_walk, accel_walk, gyro, accel, level, heading] = self.numbers();

@@ -131,6 +131,31 @@ impl Trajectory {
         (dtheta, dv)
     }
 
+    /// The same between any two instants, for a unit at `arm_b_m` from the body point.
+    pub fn increments_at(
+        &self,
+        from_s: f64,
+        to_s: f64,
+        arm_b_m: &Vector3<f64>,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let interval_s = to_s - from_s;
+        let (from, to) = (self.place(from_s), self.place(to_s));
+        let (mut dtheta, mut dv) = (Vector3::zeros(), Vector3::zeros());
+        for (node, weight) in GAUSS {
+            let place = from + (to - from) * node;
+            let (omega_ib_b, f_ib_b) = self.sensed(from_s + node * interval_s, &place);
+            let turning = omega_ib_b.cross(&omega_ib_b.cross(arm_b_m));
+            dtheta += omega_ib_b * (weight * interval_s);
+            dv += (f_ib_b + turning) * (weight * interval_s);
+        }
+        if arm_b_m.norm_squared() > 0.0 {
+            let (before, _) = self.sensed(from_s, &from);
+            let (after, _) = self.sensed(to_s, &to);
+            dv += (after - before).cross(arm_b_m);
+        }
+        (dtheta, dv)
+    }
+
     /// Angular rate against inertial space, rad/s, and specific force, m/s², body axes.
     fn sensed(&self, t_s: f64, place: &Place) -> (Vector3<f64>, Vector3<f64>) {
         let now = self.motion.at(t_s);

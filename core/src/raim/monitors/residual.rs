@@ -1,0 +1,199 @@
+//! Residual RAIM through the common face: parity test, exclusion beyond doubt, slope levels.
+//!
+//! The same test, exclusion and levels as the product's default path (`snapshot.rs`), on the rows of one
+//! linearisation. Sources and assumptions: [`crate::raim::parity`], [`crate::raim::exclusion`],
+//! [`crate::raim::level`].
+
+use super::{
+    ConfigureError, EpochMonitor, MonitorEpoch, MonitorLevels, MonitorVerdict, NoLevels, NotTested,
+    Outcome, checked_levels, without_rows,
+};
+use crate::consts::MAX_SATELLITES;
+use crate::linalg::LinearModel;
+use crate::linalg::qr::WhitenedQr;
+use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS, RowSet};
+use crate::raim::level::LevelFactors;
+use crate::raim::slope::{NoLevel, Sensitivity};
+use crate::raim::thresholds::RaimTable;
+use crate::raim::{RaimError, TestStatistic, parity};
+
+/// What residual RAIM is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResidualConfig {
+    /// False-alarm probability of an epoch's test.
+    pub p_false_alarm: f64,
+    /// Missed-detection probability of the fault that the levels reckon with.
+    pub p_missed_detection: f64,
+    /// Risk of the fault-free level.
+    pub p_fault_free: f64,
+    /// Most rows excluded, and most simultaneous faults reckoned with, 1 to [`MAX_FAULTS`].
+    pub max_faults: usize,
+}
+
+/// Residual RAIM, and its memory (25 kB).
+#[derive(Clone, Debug)]
+pub struct ResidualMonitor {
+    thresholds: RaimTable,
+    factors: Option<LevelFactors>,
+    max_faults: usize,
+    remaining: LinearModel,
+    qr: WhitenedQr,
+    sensitivity: Sensitivity,
+    exclusion: ExclusionWorkspace,
+    independent_sigma_m: [f64; MAX_SATELLITES],
+    common_errors_m: [[f64; MAX_SATELLITES]; 1],
+}
+
+impl ResidualMonitor {
+    /// Not configured.
+    pub const EMPTY: Self = Self {
+        thresholds: RaimTable::EMPTY,
+        factors: None,
+        max_faults: 1,
+        remaining: LinearModel::EMPTY,
+        qr: WhitenedQr::EMPTY,
+        sensitivity: Sensitivity::EMPTY,
+        exclusion: ExclusionWorkspace::EMPTY,
+        independent_sigma_m: [1.0; MAX_SATELLITES],
+        common_errors_m: [[0.0; MAX_SATELLITES]],
+    };
+
+    /// Tests the rows that are not left out.
+    fn test(
+        &mut self,
+        model: &LinearModel,
+        left_out: RowSet,
+    ) -> Result<(TestStatistic, f64), NotTested> {
+        without_rows(model, left_out, &mut self.remaining);
+        let statistic =
+            parity::test(&self.remaining, &mut self.qr).map_err(|error| match error {
+                RaimError::Factor(error) => NotTested::Factor(error),
+                RaimError::NoRedundancy { n } => NotTested::NoRedundancy { n },
+            })?;
+        let threshold = self
+            .thresholds
+            .threshold(statistic.redundancy)
+            .ok_or(NotTested::NotConfigured)?;
+        Ok((statistic, threshold))
+    }
+
+    /// Levels of the rows tested last.
+    fn levels(
+        &mut self,
+        epoch: &MonitorEpoch<'_>,
+        left_out: RowSet,
+    ) -> Result<MonitorLevels, NoLevels> {
+        let redundancy = self.qr.n().saturating_sub(self.qr.m());
+        let sqrt_noncentrality = self
+            .thresholds
+            .sqrt_noncentrality(redundancy)
+            .ok_or(NoLevels::NoRedundancy)?;
+        self.sensitivity.fill(&mut self.qr);
+        let kept = || {
+            let rows = epoch.rows().iter().enumerate();
+            rows.filter(move |(row, _)| !left_out.contains(*row))
+        };
+        let slope = self
+            .sensitivity
+            .levels(sqrt_noncentrality)
+            .map_err(|error| match error {
+                NoLevel::NoRedundancy => NoLevels::NoRedundancy,
+                // Counted among the rows left: tell which of the epoch's it is.
+                NoLevel::Untestable { row } => NoLevels::Untestable {
+                    row: kept().nth(row).map_or(row, |(given, _)| given),
+                },
+                NoLevel::NotFinite => NoLevels::NotFinite,
+            })?;
+        let places = self
+            .independent_sigma_m
+            .iter_mut()
+            .zip(self.common_errors_m.iter_mut().flatten());
+        for ((_, row), (independent_m, common_m)) in kept().zip(places) {
+            *independent_m = row.sigma.independent_m;
+            *common_m = row.sigma.common_m;
+        }
+        let covariance = self.sensitivity.position_covariance(
+            &self.remaining,
+            &self.independent_sigma_m,
+            &self.common_errors_m,
+        );
+        let factors = self.factors.ok_or(NoLevels::NotTested)?;
+        let [hpl_m, vpl_m] = factors.levels_m(&slope, &covariance);
+        checked_levels(hpl_m, vpl_m)
+    }
+
+    fn position_enu_m(&self) -> [f64; 3] {
+        let [east, north, up, ..] = self.qr.estimate();
+        [east, north, up]
+    }
+}
+
+impl EpochMonitor for ResidualMonitor {
+    type Config = ResidualConfig;
+
+    fn configure(&mut self, config: &ResidualConfig) -> Result<(), ConfigureError> {
+        self.factors = None;
+        if !(1..=MAX_FAULTS).contains(&config.max_faults) {
+            return Err(ConfigureError::OutOfRange {
+                name: "max_faults",
+                value: config.max_faults as f64,
+            });
+        }
+        self.thresholds
+            .fill(config.p_false_alarm, config.p_missed_detection)?;
+        self.factors = Some(LevelFactors::new(
+            config.p_missed_detection,
+            config.p_fault_free,
+        )?);
+        self.max_faults = config.max_faults;
+        Ok(())
+    }
+
+    #[inline(never)]
+    fn assess(&mut self, epoch: &MonitorEpoch<'_>) -> MonitorVerdict {
+        if self.factors.is_none() {
+            return MonitorVerdict::not_tested(NotTested::NotConfigured);
+        }
+        let (statistic, threshold) = match self.test(epoch.model(), RowSet::EMPTY) {
+            Ok(tested) => tested,
+            Err(why) => {
+                let mut verdict = MonitorVerdict::not_tested(why);
+                if let NotTested::NoRedundancy { .. } = why {
+                    verdict.position_enu_m = Some(self.position_enu_m());
+                    verdict.levels = Err(NoLevels::NoRedundancy);
+                }
+                return verdict;
+            }
+        };
+        let mut verdict = MonitorVerdict {
+            outcome: Outcome::Passed,
+            excluded: RowSet::EMPTY,
+            position_enu_m: Some(self.position_enu_m()),
+            levels: Err(NoLevels::FaultPresent),
+            statistic: Some(statistic.sum_of_squares),
+            threshold: Some(threshold),
+        };
+        if statistic.passes(threshold) {
+            verdict.levels = self.levels(epoch, RowSet::EMPTY);
+            return verdict;
+        }
+        verdict.outcome = Outcome::Detected;
+        self.sensitivity.fill(&mut self.qr);
+        let found = exclusion::identify(
+            &self.qr,
+            &self.thresholds,
+            self.max_faults,
+            &mut self.exclusion,
+        );
+        if let Ok(found) = found
+            && let Ok((statistic, threshold)) = self.test(epoch.model(), found.rows)
+            && statistic.passes(threshold)
+        {
+            verdict.outcome = Outcome::Excluded;
+            verdict.excluded = found.rows;
+            verdict.position_enu_m = Some(self.position_enu_m());
+            verdict.levels = self.levels(epoch, found.rows);
+        }
+        verdict
+    }
+}
