@@ -100,7 +100,6 @@ pub fn compare(residuals: &[f64], variant: RmsVariant) -> Result<RmsComparison, 
         return Err(RmsError::RowsOutOfRange { n });
     }
     let mut sorted = [(0_usize, 0.0_f64); MAX_SATELLITES];
-    let mut filled = 0;
     for (row, residual) in residuals.iter().enumerate() {
         if !residual.is_finite() {
             return Err(RmsError::NotFinite { row });
@@ -112,16 +111,15 @@ pub fn compare(residuals: &[f64], variant: RmsVariant) -> Result<RmsComparison, 
         // Insertion, largest first; of equals the first stays first.
         let mut entry = (row, value);
         let mut displaced = false;
-        for place in sorted.iter_mut().take(filled) {
+        for place in sorted.iter_mut().take(row) {
             if displaced || entry.1 > place.1 {
                 core::mem::swap(place, &mut entry);
                 displaced = true;
             }
         }
-        if let Some(place) = sorted.get_mut(filled) {
+        if let Some(place) = sorted.get_mut(row) {
             *place = entry;
         }
-        filled += 1;
     }
     let sorted = sorted.get(..n).unwrap_or(&[]);
 
