@@ -358,13 +358,13 @@ fn damage() -> impl Strategy<Value = (usize, Damage)> {
         }),
         [-2e3..2e3_f64, -2e3..2e3_f64, -2e3..2e3_f64]
             .prop_map(|ned_mps| Damage::Velocity { ned_mps }),
-        (-1.57..1.57_f64, -3.14..3.14_f64, -1e5..1e5_f64).prop_map(
-            |(lat_rad, lon_rad, height_m)| Damage::Place {
+        (-1.57..1.57_f64, -3.0..3.0_f64, -1e5..1e5_f64).prop_map(|(lat_rad, lon_rad, height_m)| {
+            Damage::Place {
                 lat_rad,
                 lon_rad,
-                height_m
+                height_m,
             }
-        ),
+        }),
         Just(Damage::Withhold),
     ];
     (0..120_usize, any)
@@ -420,7 +420,7 @@ fn damaged(fix: &ReceiverFix, damage: &Damage) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// INT-116. Whatever becomes of fixes on their way: no panic, every number told is one, nothing is usable.
     #[test]

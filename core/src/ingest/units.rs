@@ -96,3 +96,65 @@ pub fn decode_unit(payload: &[u8]) -> Result<(u8, UnitConfig), PayloadError> {
         Err(_) => Err(PayloadError::Configuration),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::native::Frame;
+
+    fn unit() -> UnitConfig {
+        UnitConfig {
+            interval_ns: 5_000_000,
+            c_b_s: [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            lever_arm_b_m: [0.25, -0.5, 0.125],
+            noise: InertialNoise {
+                arw: 1e-4,
+                vrw: 2e-3,
+                gyro_bias_walk: 3e-6,
+                accel_bias_walk: 4e-5,
+            },
+            range: SensorRange {
+                rate_radps: 5.0,
+                specific_force_mps2: 60.0,
+            },
+            tolerance: UnitTolerance {
+                gyro_bias_radps: 7e-4,
+                accel_bias_mps2: 0.08,
+                scale: 9e-3,
+                timing_s: 1e-3,
+            },
+        }
+    }
+
+    #[test]
+    fn what_is_written_reads_back() {
+        let mut out = [0; UNIT_FRAME_LENGTH];
+        assert_eq!(encode_unit(2, &unit(), &mut out), Ok(UNIT_FRAME_LENGTH));
+        let (frame, _) = Frame::parse(&out).unwrap();
+        assert_eq!(decode_unit(frame.payload()), Ok((2, unit())));
+        for cut in 0..frame.payload().len() {
+            assert!(decode_unit(&frame.payload()[..cut]).is_err());
+        }
+        assert_eq!(encode_unit(2, &unit(), &mut out[1..]), Err(Full));
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        let refused = |number: u8, change: fn(&mut UnitConfig)| {
+            let mut config = unit();
+            change(&mut config);
+            let mut out = [0; UNIT_FRAME_LENGTH];
+            encode_unit(number, &config, &mut out).unwrap();
+            let (frame, _) = Frame::parse(&out).unwrap();
+            assert!(decode_unit(frame.payload()).is_err(), "{config:?}");
+        };
+        refused(3, |_| {});
+        refused(0, |unit| unit.interval_ns = 2_000_000);
+        refused(0, |unit| unit.c_b_s[0][1] = -1.0);
+        refused(0, |unit| unit.lever_arm_b_m[0] = 101.0);
+        refused(0, |unit| unit.noise.arw = 0.0);
+        refused(0, |unit| unit.noise.vrw = f64::NAN);
+        refused(0, |unit| unit.tolerance.scale = 0.2);
+        refused(0, |unit| unit.tolerance.timing_s = -1e-3);
+    }
+}

@@ -16,16 +16,16 @@
 //! | mode | needs | roll and pitch, σ_l | heading, σ_ψ |
 //! |---|---|---|---|
 //! | given | | as configured | as configured |
-//! | course | motion, window between two epochs | [b_a ⊕ N_a/√T ⊕ √2 σ_v/T ⊕ g b_g T/2]/f ⊕ σ_ψ f_h/f ⊕ σ_s | σ_v across the course/speed ⊕ σ_s |
-//! | gyrocompass | rest ([`MIN_GYROCOMPASS_S`] at least) | [b_a ⊕ N_a/√T]/g | [b_g ⊕ N_g/√T]/(Ω cos φ) ⊕ σ_l tan φ |
+//! | course | motion, window between two epochs | (b_a ⊕ N_a/√T ⊕ √2 σ_v/T ⊕ g b_g T/2)/f ⊕ σ_ψ f_h/f ⊕ σ_s | σ_v across the course/speed ⊕ σ_s |
+//! | gyrocompass | rest ([`MIN_GYROCOMPASS_S`] at least) | (b_a ⊕ N_a/√T)/g | (b_g ⊕ N_g/√T)/(Ω cos φ) ⊕ σ_l tan φ |
 //! | magnetic field | rest or motion | as at rest, or as with the course | σ_m/(F cos I) ⊕ σ_l tan I ⊕ σ_D |
 //!
 //! ⊕ is the root of the sum of squares, f_h the horizontal part of f. Turning within a window between epochs is followed by the
 //! gyroscopes, so that the vehicle may manoeuvre. The walk of a bias adds the mean that it has over T. The
-//! heading of a gyrocompass is that of a triad ([`vectors`]) of gravity and the rotation of the Earth:
+//! heading of a gyrocompass is that of a triad (`alignment/vectors.rs`) of gravity and the rotation of the Earth:
 //! [GROVES-2013] chapter 5 has the same attitude in another form; all sigmas are derived here
 //! (docs/decisions/016-alignment.md). Keys: docs/references.md.
-//! Assumes: at rest the unit does not turn but for what [`rest`] can see. Modes that are allowed are tried in
+//! Assumes: at rest the unit does not turn but for what `alignment/rest.rs` can see. Modes that are allowed are tried in
 //! the order course, gyrocompass, magnetic field: the first that has an answer gives it.
 
 mod course;

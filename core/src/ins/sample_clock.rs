@@ -448,7 +448,7 @@ mod tests {
         let mut clock = SampleClock::EMPTY;
         run(&mut clock, &FAST, 1000..1010);
         clock.pulse(FAST.local(1010.3));
-        clock.pulse(FAST.local(1010.000_1));
+        clock.pulse(FAST.local(1_010.000_1));
         assert_eq!(clock.counters().refused, 2);
         run(&mut clock, &FAST, 1011..1012);
         assert!(error_ns(&mut clock, &FAST, 1011.5).abs() < 1000);

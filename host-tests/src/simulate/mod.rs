@@ -9,8 +9,8 @@
 //! | `truth.csv` | antenna position and velocity in Earth-fixed axes, one row per epoch |
 //! | `scenario.toml` | what was simulated |
 //!
-//! These are the files of a receiver alone; `inertial` adds flights with an inertial unit, and the
-//! files of a scenario folder.
+//! These are the files of a receiver alone; `inertial` adds flights with an inertial unit, the
+//! files of a scenario folder, and `barometer.csv`, what a barometer beside the unit measures.
 
 pub mod atmosphere;
 pub mod disturbances;
@@ -29,6 +29,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use surefix_core::time::GpsTime;
 
+use crate::aiding;
 use crate::faults::{FaultCoverage, FaultInjector, FaultKind, FaultSpec};
 use atmosphere::Ionosphere;
 use disturbances::Disturbances;
@@ -394,6 +395,10 @@ impl Command {
         if let Some(units) = &units {
             files.push(("units.sfx", units));
         }
+        let seed = self.args.seed;
+        let air = aiding::Air::of_day(seed);
+        let barometer = aiding::csv(&aiding::pressures(&scenario, &air, seed, None));
+        files.push(("barometer.csv", barometer.as_bytes()));
         write(&self.args.out, &files)?;
         println!(
             "{}: {} s, {} inertial samples ({}), {} receiver epochs in {}",

@@ -331,7 +331,8 @@ fn what_an_aid_says_is_in_every_filter_once_but_in_the_one_without_aids() {
         if let Some(aid) = aid {
             information.add(aid);
         }
-        filter.update(&information, &mut UpdateWorkspace::EMPTY);
+        let mut workspace = UpdateWorkspace::EMPTY;
+        filter.update(&information, &mut workspace);
         filter
     };
     let near = |a: &Filter<K, M>, b: &Filter<K, M>| {

@@ -32,6 +32,7 @@ mod output;
 mod risk;
 #[cfg(target_os = "none")]
 mod robust;
+#[cfg(target_os = "none")]
 mod sensors;
 #[cfg(target_os = "none")]
 mod sky;
