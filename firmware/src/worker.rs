@@ -1,6 +1,6 @@
 //! From the ring through the monitor to the output: what the `work` task does.
 
-use crate::board::memory::{ARRIVED, Memory};
+use crate::board::memory::{ARRIVED, Memory, RECEIVED};
 use crate::board::{self, stack};
 use crate::ring::Ring;
 #[cfg(feature = "sensors")]
@@ -47,6 +47,35 @@ pub struct Worker {
     interval_ns: Option<i64>,
     #[cfg(feature = "real-time")]
     observed: Observed,
+}
+
+/// In the receiver's interrupt: takes what has come.
+pub fn receive(receiver: &mut board::Receiver) {
+    if receiver.overrun() {
+        RECEIVED.add_lost(1);
+    }
+    while let Some(byte) = receiver.take() {
+        ARRIVED.note(RECEIVED.written(), RECEIVED.is_empty(), board::ticks);
+        RECEIVED.push(byte);
+    }
+}
+
+/// When there is nothing else to do: sends the log, sleeps.
+pub fn idle() -> ! {
+    let mut log_sender = board::log::LogSender::start();
+    loop {
+        log_sender.drain();
+        #[cfg(feature = "real-time")]
+        if has_ended() {
+            cortex_m::peripheral::SCB::sys_reset();
+        }
+        // With interrupts masked one that comes after the check still ends the sleep.
+        cortex_m::interrupt::free(|_| {
+            if board::log::is_empty() {
+                cortex_m::asm::wfi();
+            }
+        });
+    }
 }
 
 /// What is told at the end of a run in real time.

@@ -15,16 +15,66 @@
 #[cfg(not(target_os = "none"))]
 fn main() {}
 
-#[cfg(target_os = "none")]
+#[cfg(all(target_os = "none", not(feature = "sensors")))]
 #[rtic::app(device = surefix_firmware::board, peripherals = false)]
 mod app {
-    #[cfg(feature = "sensors")]
-    use heapless::spsc::{Consumer, Producer, Queue};
-    use surefix_firmware::board::memory::{ARRIVED, Memory, RECEIVED};
-    use surefix_firmware::board::{self, Interrupt, Ports, log};
+    use surefix_firmware::board::memory::{Memory, RECEIVED};
+    use surefix_firmware::board::{self, Interrupt, Ports};
     use surefix_firmware::fault;
-    use surefix_firmware::worker::Worker;
-    #[cfg(feature = "sensors")]
+    use surefix_firmware::worker::{self, Worker};
+
+    #[shared]
+    struct Shared {}
+
+    #[local]
+    struct Local {
+        receiver: board::Receiver,
+        worker: Worker,
+    }
+
+    #[init]
+    fn init(_: init::Context) -> (Shared, Local) {
+        let Ports {
+            receiver,
+            output,
+            acknowledge,
+            cycles,
+        } = board::start();
+        defmt::info!("surefix {=str}", env!("CARGO_PKG_VERSION"));
+        // `init` runs once, so the memory is there.
+        let Some(memory) = Memory::take() else {
+            fault::withdraw_output_and_reset()
+        };
+        let worker = Worker::new(memory, &RECEIVED, output, acknowledge, cycles);
+        (Shared {}, Local { receiver, worker })
+    }
+
+    #[task(binds = RECEIVER, priority = 3, local = [receiver])]
+    fn receive(context: receive::Context) {
+        worker::receive(context.local.receiver);
+        rtic::pend(Interrupt::WORKER);
+    }
+
+    #[task(binds = WORKER, priority = 1, local = [worker])]
+    fn work(context: work::Context) {
+        context.local.worker.run();
+    }
+
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        worker::idle()
+    }
+}
+
+// A second application, and not parts of one that are left out: RTIC asks for the interrupts of all.
+#[cfg(all(target_os = "none", feature = "sensors"))]
+#[rtic::app(device = surefix_firmware::board, peripherals = false)]
+mod app {
+    use heapless::spsc::{Consumer, Producer, Queue};
+    use surefix_firmware::board::memory::{Memory, RECEIVED};
+    use surefix_firmware::board::{self, Interrupt, Ports};
+    use surefix_firmware::fault;
+    use surefix_firmware::worker::{self, Worker};
     use surefix_firmware::{
         samples::{LOST, Samples, UNITS},
         sensors::{ARRIVALS, Arrival, EDGES, Edge, Sampler},
@@ -37,41 +87,28 @@ mod app {
     struct Local {
         receiver: board::Receiver,
         worker: Worker,
-        #[cfg(feature = "sensors")]
         edges: board::Edges,
-        #[cfg(feature = "sensors")]
         stamped: Producer<'static, Edge>,
-        #[cfg(feature = "sensors")]
         to_serve: Consumer<'static, Edge>,
-        #[cfg(feature = "sensors")]
         sampler: Sampler<'static>,
-        #[cfg(feature = "sensors")]
         alarm: board::Alarm,
-        #[cfg(feature = "sensors")]
         arrived: Producer<'static, Arrival>,
     }
 
     #[init(local = [
-        #[cfg(feature = "sensors")]
         edge_queue: Queue<Edge, EDGES> = Queue::new(),
-        #[cfg(feature = "sensors")]
         arrival_queue: Queue<Arrival, ARRIVALS> = Queue::new(),
     ])]
     fn init(context: init::Context) -> (Shared, Local) {
-        #[cfg(feature = "sensors")]
         let (stamped, to_serve) = context.local.edge_queue.split();
-        #[cfg(feature = "sensors")]
         let (arrived, arrivals) = context.local.arrival_queue.split();
         let Ports {
             receiver,
             output,
             acknowledge,
             cycles,
-            #[cfg(feature = "sensors")]
             edges,
-            #[cfg(feature = "sensors")]
             alarm,
-            #[cfg(feature = "sensors")]
             parts,
         } = board::start();
         defmt::info!("surefix {=str}", env!("CARGO_PKG_VERSION"));
@@ -82,7 +119,6 @@ mod app {
         let worker = Worker::new(
             memory,
             &RECEIVED,
-            #[cfg(feature = "sensors")]
             Samples::new(arrivals),
             output,
             acknowledge,
@@ -91,23 +127,16 @@ mod app {
         let local = Local {
             receiver,
             worker,
-            #[cfg(feature = "sensors")]
             edges,
-            #[cfg(feature = "sensors")]
             stamped,
-            #[cfg(feature = "sensors")]
             to_serve,
-            #[cfg(feature = "sensors")]
             sampler: Sampler::new(parts),
-            #[cfg(feature = "sensors")]
             alarm,
-            #[cfg(feature = "sensors")]
             arrived,
         };
         (Shared {}, local)
     }
 
-    #[cfg(feature = "sensors")]
     #[task(binds = SENSORS, priority = 4, local = [edges, stamped])]
     fn stamp(context: stamp::Context) {
         let time_ns = board::now_ns();
@@ -124,7 +153,6 @@ mod app {
         rtic::pend(Interrupt::SAMPLER);
     }
 
-    #[cfg(feature = "sensors")]
     #[task(binds = SAMPLER, priority = 2, local = [to_serve, sampler, alarm, arrived])]
     fn sample(context: sample::Context) {
         let sampler = context.local.sampler;
@@ -146,14 +174,7 @@ mod app {
 
     #[task(binds = RECEIVER, priority = 3, local = [receiver])]
     fn receive(context: receive::Context) {
-        let receiver = context.local.receiver;
-        if receiver.overrun() {
-            RECEIVED.add_lost(1);
-        }
-        while let Some(byte) = receiver.take() {
-            ARRIVED.note(RECEIVED.written(), RECEIVED.is_empty(), board::ticks);
-            RECEIVED.push(byte);
-        }
+        worker::receive(context.local.receiver);
         rtic::pend(Interrupt::WORKER);
     }
 
@@ -164,19 +185,6 @@ mod app {
 
     #[idle]
     fn idle(_: idle::Context) -> ! {
-        let mut log_sender = log::LogSender::start();
-        loop {
-            log_sender.drain();
-            #[cfg(feature = "real-time")]
-            if surefix_firmware::worker::has_ended() {
-                cortex_m::peripheral::SCB::sys_reset();
-            }
-            // With interrupts masked one that comes after the check still ends the sleep.
-            cortex_m::interrupt::free(|_| {
-                if log::is_empty() {
-                    cortex_m::asm::wfi();
-                }
-            });
-        }
+        worker::idle()
     }
 }

@@ -13,6 +13,7 @@ use crate::ins::MAX_UNITS;
 
 impl Voting {
     /// All tests that end with this cell; false when it may not be used.
+    #[inline(never)]
     pub(super) fn compare(
         &mut self,
         rates: &[Option<Channels>; MAX_UNITS],
@@ -84,6 +85,7 @@ impl Voting {
     }
 
     /// Decides between the used units; marks those of the others that differ from them.
+    #[inline(never)]
     fn judge(
         &mut self,
         squares: &[Option<Channels>; MAX_UNITS],
@@ -180,6 +182,7 @@ impl Voting {
     }
 
     /// Tests one block; true when a unit was isolated.
+    #[inline(never)]
     fn end_block(
         &mut self,
         level: usize,
@@ -244,6 +247,7 @@ impl Voting {
     }
 
     /// Once a second: noise, delays, what is learned, who comes back.
+    #[inline(never)]
     fn end_second(
         &mut self,
         block: &Block,
@@ -291,6 +295,7 @@ impl Voting {
     }
 
     /// ρ² of the learned differences against what first biases and walks make likely.
+    #[inline(never)]
     fn far_apart(&self, models: &[UnitModel; MAX_UNITS]) -> [Option<Channels>; MAX_UNITS] {
         let [first, second, third] = &self.units;
         let ages = [first, second, third].map(|unit| unit.model.is_some().then_some(unit.age_s));

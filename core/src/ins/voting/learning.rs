@@ -8,6 +8,7 @@ use crate::ins::MAX_UNITS;
 
 impl Voting {
     /// Learns the bias of every unit against the mean of the used from a second in which they agreed.
+    #[inline(never)]
     pub(super) fn learn(
         &mut self,
         means: &[Option<Channels>; MAX_UNITS],
@@ -61,6 +62,7 @@ impl Voting {
     }
 
     /// Counts the seconds of health of units that are not used, and takes them back; true when it did.
+    #[inline(never)]
     pub(super) fn count_health(&mut self, block: &Block, length_s: f64) -> bool {
         let used = self.units.iter().filter(|unit| unit.is_used()).count();
         let is_disturbed = core::mem::replace(&mut self.is_disturbed, false);

@@ -62,6 +62,7 @@ impl Scatter {
     }
 
     /// ρ² of every pair that was compared over half of `cells`, in units in which `quantile`² is the threshold.
+    #[inline(never)]
     pub(super) fn squares(
         &mut self,
         models: &[UnitModel; MAX_UNITS],

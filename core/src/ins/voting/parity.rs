@@ -278,6 +278,7 @@ pub(super) fn force_of(rates: &Channels) -> Vector3<f64> {
 }
 
 /// ρ² of every pair that can be compared.
+#[inline(never)]
 pub(super) fn differences(
     rates: &[Option<Channels>; MAX_UNITS],
     learned: &[Channels; MAX_UNITS],
