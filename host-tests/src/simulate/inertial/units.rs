@@ -295,15 +295,17 @@ mod tests {
             ),
             TrueUnit::new(&track, plan, 30),
         );
-        // In the steady turn the centripetal force is all there is.
+        // In the steady turn there is the centripetal force, and what the turning body sees of the Earth's rate.
         let k = 200 * 13;
         let (dtheta, dv) = here.increments[k];
         let (_, dv_there) = there.increments[k];
         let h = 1.0 / 200.0;
         let omega = plan.c_b_s * dtheta / h;
-        let expected = omega.cross(&omega.cross(&plan.arm_b_m));
+        let turned = here.increments[k + 1].0 - here.increments[k - 1].0;
+        let alpha = plan.c_b_s * turned / (2.0 * h * h);
+        let expected = omega.cross(&omega.cross(&plan.arm_b_m)) + alpha.cross(&plan.arm_b_m);
         let found = plan.c_b_s * (dv_there - dv) / h;
-        assert!((found - expected).norm() < 1e-6, "{found} {expected}");
+        assert!((found - expected).norm() < 1e-7, "{found} {expected}");
         assert!(expected.norm() > 1e-3);
     }
 
