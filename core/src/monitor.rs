@@ -45,6 +45,9 @@ use crate::tight::{BankMemory, TestedSolution, TightConfigureError, TightMonitor
 use crate::time::{GpsTime, NS_PER_WEEK};
 use crate::wire::Counters;
 
+/// Of what is in body axes already.
+const NO_MOUNTING: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
 /// What [`Monitor::push`] stopped for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ready {
@@ -140,11 +143,22 @@ impl Monitor {
     /// the first epoch.
     ///
     /// # Errors
-    /// [`TightConfigureError`]; there is then no tight mode.
+    /// [`TightConfigureError`]; there is then no tight mode. With units that vote, of which it says what the
+    /// vote gives, it may neither turn the axes nor change the interval.
     pub fn configure_inertial(
         &mut self,
         inertial: &InertialConfig,
     ) -> Result<(), TightConfigureError> {
+        if self.voting.is_configured() {
+            let interval_ns = inertial.interval_ns;
+            if inertial.c_b_s != NO_MOUNTING {
+                return Err(TightConfigureError::Config(InertialConfigError::Mounting));
+            }
+            if interval_ns != self.voting.interval_ns() {
+                let error = InertialConfigError::Interval { interval_ns };
+                return Err(TightConfigureError::Config(error));
+            }
+        }
         let phase = self
             .snapshot
             .config()
@@ -211,7 +225,7 @@ impl Monitor {
             ));
         };
         // The vote gives body axes.
-        if voted.c_b_s != [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+        if voted.c_b_s != NO_MOUNTING {
             return Err(VotingConfigureError::Config(InertialConfigError::Mounting));
         }
         let interval_ns = voted.interval_ns;
@@ -375,8 +389,10 @@ impl Monitor {
         }
     }
 
-    /// Takes a sample of the inertial unit of this number. Where no units vote the first's are used, and
+    /// Takes a sample of the inertial unit of this number; [`Ready::Epoch`] when the receiver has missed an
+    /// epoch by it: call [`Monitor::process`]. Where no units vote the first's are used, and
     /// the others' are not.
+    #[must_use = "an epoch that the receiver missed is to be processed"]
     pub fn on_unit_sample(&mut self, unit: u8, sample: &UnitSample) -> Option<Ready> {
         if !self.voting.is_configured() {
             if unit != 0 || !sample.is_valid {
@@ -387,16 +403,17 @@ impl Monitor {
         }
         self.voting.take(unit.into(), sample);
         // No more than the vote holds back; what an epoch interrupts comes with the next sample.
-        while let Some(voted) = self.voting.next_sample() {
+        let mut ready = None;
+        while ready.is_none()
+            && let Some(voted) = self.voting.next_sample()
+        {
             self.tight.on_sample(&voted);
-            if let Some(ready) = self.expect_epoch(voted.time) {
-                return Some(ready);
-            }
+            ready = self.expect_epoch(voted.time);
         }
         if self.voting.mode() == VotingMode::Disagree {
             self.tight.distrust();
         }
-        None
+        ready
     }
 
     /// Takes a sample of a barometer; without [`Monitor::configure_aids`] nothing comes of it.

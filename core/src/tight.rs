@@ -620,6 +620,8 @@ impl TightMonitor {
         self.recording.shift(by_ns);
         self.aids.shift(by_ns);
         self.loose.shift(by_ns);
+        self.earned.shift(by_ns);
+        self.late_since = shifted(self.late_since);
         self.bank_verdict = None;
         self.alignment.restart();
         self.last_epoch = self.last_epoch.map(shifted);

@@ -284,7 +284,8 @@ impl Worker {
         };
         let mut report = self.monitor.process_with(&mut self.cycles, Some(memory));
         #[cfg(feature = "sensors")]
-        if report.n_observed > 0 {
+        // One that ended incomplete was ended by the next, a second later.
+        if report.n_observed > 0 && !report.flags.incomplete {
             self.samples.epoch(report.time, samples::at_ticks(came));
         }
         if self.monitor.bank_report(self.bank)

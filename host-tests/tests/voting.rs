@@ -350,7 +350,7 @@ fn int_091_two_units_that_disagree_are_in_the_report() {
     for k in 2001..=9000 {
         for (place, unit) in [(0, 0), (1, 2)] {
             let sample = at_rest(&mut random[place], k);
-            monitor.on_unit_sample(unit, &sample);
+            let _ = monitor.on_unit_sample(unit, &sample);
         }
     }
     assert_eq!(monitor.voting().mode(), VotingMode::Two);
@@ -365,8 +365,8 @@ fn int_092_without_a_vote_samples_pass_as_they_are() {
     let mut random = ChaCha8Rng::seed_from_u64(4);
     for k in 1..=500 {
         let sample = at_rest(&mut random, k);
-        with_number.on_unit_sample(0, &sample);
-        with_number.on_unit_sample(1, &sample);
+        let _ = with_number.on_unit_sample(0, &sample);
+        let _ = with_number.on_unit_sample(1, &sample);
     }
     assert_eq!(with_number.counters().imu_used, 500);
     assert_eq!(with_number.voting().mode(), VotingMode::Off);

@@ -226,7 +226,8 @@ impl Horizon {
     /// the oldest where there is no room.
     pub(crate) fn put_aiding(&mut self, aiding: Aiding) -> Option<Aiding> {
         let is_reached = self.reached.is_none_or(|reached| aiding.time() <= reached);
-        if self.held.is_empty() || (is_reached && self.aiding.is_empty()) {
+        // One that waits is not overtaken.
+        if self.aiding.is_empty() && (self.held.is_empty() || is_reached) {
             return Some(aiding);
         }
         let oldest = if self.aiding.is_full() {

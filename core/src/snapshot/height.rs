@@ -11,9 +11,14 @@
 //! | h̄      | `mean_m`   | m    | the same mean of the pressure altitudes                              |
 //! | K      |            | 1    | quantile that a level is above a sigma at least                      |
 //!
+//! | m      | `moved_m`  | m    | what the height has changed since the sample, by its last rate       |
+//!
 //! ```text
-//! σ² = (B/K)² + σ_b² + (d (age + T))² + (s (h − h̄))²
+//! σ² = (B/K)² + σ_b² + (d (age + T))² + (s (h − h̄))² + m²
 //! ```
+//!
+//! The height of an epoch is that of the last sample at its instant or before, also when later ones have come
+//! because the epoch is late. In the mean m is part of B.
 //!
 //! **Why B.** b comes from the satellites, and one of them may have been faulty and stayed unnoticed. A height
 //! from a faulty satellite must not vouch for it. But each height that b is a mean of was within its level
@@ -21,8 +26,11 @@
 //! handed on beside the height, and whoever tests with it takes it for an error of up to B that comes
 //! *together* with any fault (`raim/bounded.rs`). Derivation: docs/decisions/017-aids.md.
 
+use heapless::Deque;
+
 use crate::gnss::solution::HeightRow;
 use crate::ins::aiding::PressureSample;
+use crate::ins::barometer::PressureHeight;
 use crate::ins::{Barometer, BarometerModel};
 use crate::time::{GpsTime, NS_PER_S};
 
@@ -37,6 +45,8 @@ const MAX_AGE_NS: i64 = 1800 * NS_PER_S;
 const MAX_PAUSE_NS: i64 = 120 * NS_PER_S;
 /// Age of a sample of the barometer at an epoch, ns.
 const MAX_SAMPLE_AGE_NS: i64 = NS_PER_S;
+/// Heights kept for epochs that are late: 0.6 s at 50 Hz.
+const KEPT: usize = 32;
 /// A level is at least so many sigmas: Q⁻¹(0.5e-7).
 const LEVEL_SIGMAS: f64 = 5.33;
 /// A position farther from the mean than its level and so many sigmas says that the barometer leapt.
@@ -56,6 +66,8 @@ pub struct CalibratedHeight {
 pub struct HeightCalibration {
     model: Option<BarometerModel>,
     barometer: Barometer,
+    /// The last heights, in the order of their times.
+    heights: Deque<PressureHeight, KEPT>,
     bias_m: f64,
     bound_m: f64,
     mean_m: f64,
@@ -68,6 +80,7 @@ impl HeightCalibration {
     pub const EMPTY: Self = Self {
         model: None,
         barometer: Barometer::EMPTY,
+        heights: Deque::new(),
         bias_m: 0.0,
         bound_m: 0.0,
         mean_m: 0.0,
@@ -85,9 +98,39 @@ impl HeightCalibration {
 
     /// A sample of the barometer.
     pub fn on_pressure(&mut self, sample: &PressureSample) {
-        if self.model.is_some() {
-            let _ = self.barometer.take(sample);
+        if self.model.is_none() {
+            return;
         }
+        if let Some(height) = self.barometer.take(sample) {
+            if self.heights.is_full() {
+                let _ = self.heights.pop_front();
+            }
+            // There is room now.
+            let _ = self.heights.push_back(height);
+        }
+    }
+
+    /// Pressure altitude at an instant, and what it may have changed since its sample, m.
+    fn height_at(&self, time: GpsTime) -> Option<(f64, f64)> {
+        // One that is stuck has none, whatever it said before.
+        self.barometer.latest(time, MAX_SAMPLE_AGE_NS)?;
+        let mut until = self
+            .heights
+            .iter()
+            .rev()
+            .skip_while(|height| height.time > time);
+        let now = until.next()?;
+        let age_ns = time.ns().saturating_sub(now.time.ns());
+        if age_ns == 0 {
+            return Some((now.height_m, 0.0));
+        }
+        let before = until.next()?;
+        let interval_ns = now.time.ns().saturating_sub(before.time.ns());
+        if age_ns > MAX_SAMPLE_AGE_NS || !(1..=MAX_SAMPLE_AGE_NS).contains(&interval_ns) {
+            return None;
+        }
+        let moved_m = (now.height_m - before.height_m) * age_ns as f64 / interval_ns as f64;
+        Some((now.height_m, libm::fabs(moved_m)))
     }
 
     /// The bias is not known any longer.
@@ -99,6 +142,9 @@ impl HeightCalibration {
     /// All times so far were wrong by this much, ns.
     pub fn shift(&mut self, by_ns: i64) {
         self.barometer.shift(by_ns);
+        for height in self.heights.iter_mut() {
+            height.time = height.time.plus_ns(by_ns);
+        }
         self.last = self.last.map(|last| last.plus_ns(by_ns));
     }
 
@@ -117,18 +163,18 @@ impl HeightCalibration {
         let Some(model) = self.model else {
             return;
         };
-        let Some(now) = self.barometer.latest(time, MAX_SAMPLE_AGE_NS) else {
+        let Some((now_m, moved_m)) = self.height_at(time) else {
             return;
         };
-        let offset_m = height_m - now.height_m;
+        let vpl_m = vpl_m + moved_m;
+        let offset_m = height_m - now_m;
         if !(offset_m.is_finite() && vpl_m.is_finite()) {
             return;
         }
         let since_ns = self.last.map(|last| time.ns().saturating_sub(last.ns()));
         let goes_on = since_ns.is_some_and(|ns| (1..=MAX_PAUSE_NS).contains(&ns));
         let away_m = libm::fabs(offset_m - self.bias_m);
-        let expected_m =
-            self.bound_m + vpl_m + LEAP_SIGMAS * self.own_sigma_m(&model, 0.0, now.height_m);
+        let expected_m = self.bound_m + vpl_m + LEAP_SIGMAS * self.own_sigma_m(&model, 0.0, now_m);
         if !(goes_on && away_m <= expected_m) {
             self.forget();
         }
@@ -150,7 +196,7 @@ impl HeightCalibration {
         let gain = if gain < 1.0 { gain } else { 1.0 };
         self.bias_m += gain * (offset_m - self.bias_m);
         self.bound_m += gain * (vpl_m - self.bound_m);
-        self.mean_m += gain * (now.height_m - self.mean_m);
+        self.mean_m += gain * (now_m - self.mean_m);
     }
 
     /// Sigma of the barometer itself against its mean, m.
@@ -168,13 +214,15 @@ impl HeightCalibration {
         if !(0..=MAX_AGE_NS).contains(&age_ns) {
             return None;
         }
-        let now = self.barometer.latest(time, MAX_SAMPLE_AGE_NS)?;
-        let own_m = self.own_sigma_m(&model, age_ns as f64 / NS_PER_S as f64, now.height_m);
+        let (now_m, moved_m) = self.height_at(time)?;
+        let own_m = self.own_sigma_m(&model, age_ns as f64 / NS_PER_S as f64, now_m);
         let of_satellites_m = self.bound_m / LEVEL_SIGMAS;
         Some(CalibratedHeight {
             row: HeightRow {
-                height_m: now.height_m + self.bias_m,
-                sigma_m: libm::sqrt(own_m * own_m + of_satellites_m * of_satellites_m),
+                height_m: now_m + self.bias_m,
+                sigma_m: libm::sqrt(
+                    own_m * own_m + of_satellites_m * of_satellites_m + moved_m * moved_m,
+                ),
             },
             bound_m: self.bound_m,
         })
@@ -217,6 +265,33 @@ mod tests {
         // A level that is five sigma of the satellites, the noise and the drift of a minute.
         let expected_m = ((16.0_f64 / 5.33).powi(2) + 0.09 + 0.09).sqrt();
         assert!((height.row.sigma_m - expected_m).abs() < 1e-3);
+    }
+
+    #[test]
+    fn height_is_that_of_the_instant_however_late_the_epoch() {
+        let mut calibration = learned(100);
+        let after = |milliseconds: i64| at(100).plus_ns(milliseconds * 1_000_000);
+        // A climb of 20 m/s, samples at 20 Hz.
+        let mut climb = |from: i64, to: i64| {
+            for milliseconds in (from..to).step_by(50) {
+                calibration.on_pressure(&PressureSample {
+                    time: after(milliseconds),
+                    pressure_pa: 101_325.0 - 0.24 * milliseconds as f64,
+                    temperature_c: 15.0,
+                });
+            }
+            [after(1000), after(1020)].map(|time| calibration.height(time).unwrap().row)
+        };
+        let at_once = climb(0, 1001);
+        let late = climb(1050, 1401);
+        assert_eq!(at_once, late);
+        let [on, between] = late;
+        assert!((on.height_m - 45.0 - 20.0).abs() < 0.1, "{on:?}");
+        // 20 ms at 20 m/s.
+        let moved_m = (between.sigma_m.powi(2) - on.sigma_m.powi(2)).sqrt();
+        assert!((moved_m - 0.4).abs() < 0.01, "{moved_m}");
+        let next = calibration.height(after(1400)).unwrap().row;
+        assert!((next.height_m - 45.0 - 28.0).abs() < 0.1, "{next:?}");
     }
 
     #[test]

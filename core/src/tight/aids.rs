@@ -412,7 +412,7 @@ impl TightMonitor {
 
     /// The nominal was corrected: heights compared with it are now compared with the corrected one.
     pub(super) fn rereference_aids(&mut self, correction: &ErrorState<CLOCKS>) {
-        if self.aids.first.is_none() {
+        if self.aids.first.is_none() && self.aids.latest.is_none() {
             return;
         }
         let r_e = self.navigator.mechanisation().r_eb_e;

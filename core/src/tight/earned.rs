@@ -69,6 +69,13 @@ pub(super) struct Earned {
 }
 
 impl Earned {
+    /// All times so far were wrong by this much, ns.
+    pub(super) fn shift(&mut self, by_ns: i64) {
+        if let Some(last) = &mut self.last {
+            last.time = last.time.plus_ns(by_ns);
+        }
+    }
+
     /// Nothing.
     pub(super) const NOTHING: Self = Self {
         is_earned: false,

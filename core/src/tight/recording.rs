@@ -67,7 +67,7 @@ pub(super) struct RecordingBank {
     /// The same of all filters, ns.
     blind_ns: i64,
     /// How long there has been an alert, ns.
-    alert_ns: i64,
+    pub(super) alert_ns: i64,
     /// What an error common to the satellites of the epoch does to each, m.
     common_m: Vec<(Satellite, f64), MAX_SATELLITES>,
     /// Satellites of this epoch were kept from all filters as grossly wrong.
@@ -476,12 +476,15 @@ impl TightMonitor {
     }
 
     /// An alert that nothing explains, while the snapshot passes its tests, ends tight mode after a while.
-    fn end_long_alert(&mut self, is_tested: bool) {
+    pub(super) fn end_long_alert(&mut self, is_tested: bool) {
         if is_tested && self.recording.alert_ns >= MAX_ALERT_NS {
-            // Its attitude is not what is wrong with it.
+            // Its attitude is not what is wrong with it, if it was ever earned.
             let attitude = (self.navigator.mechanisation().q_e_b, self.navigator.time());
+            let is_earned = self.earned.is_earned();
             self.lose(InertialStatus::Unhealthy);
-            self.last_attitude = Some(attitude);
+            if is_earned {
+                self.last_attitude = Some(attitude);
+            }
         }
     }
 

@@ -375,3 +375,19 @@ fn int_101_a_filter_that_has_not_earned_it_keeps_no_attitude() {
     tight.lose(InertialStatus::ImuSilent);
     assert_eq!(tight.last_attitude, None);
 }
+
+/// INT-101.
+#[test]
+fn int_101_a_long_alert_keeps_an_attitude_that_was_earned_and_no_other() {
+    for mode in [AlignmentMode::MagneticField, AlignmentMode::Given] {
+        let mut tight = running();
+        tight.earned = Earned::start(mode, &[0.01; 3]);
+        feed(&mut tight, 0, 1000);
+        let is_earned = tight.has_earned();
+        assert_eq!(is_earned, mode == AlignmentMode::Given);
+        tight.recording.alert_ns = i64::MAX;
+        tight.end_long_alert(true);
+        assert_eq!(tight.status(), InertialStatus::Unhealthy);
+        assert_eq!(tight.last_attitude.is_some(), is_earned);
+    }
+}
