@@ -282,7 +282,8 @@ impl Worker {
             fast: self.fast,
             secondaries: self.secondaries,
         };
-        let mut report = self.monitor.process_with(&mut self.cycles, Some(memory));
+        let mut report =
+            board::undisturbed(|| self.monitor.process_with(&mut self.cycles, Some(memory)));
         #[cfg(feature = "sensors")]
         // One that ended incomplete was ended by the next, a second later.
         if report.n_observed > 0 && !report.flags.incomplete {

@@ -9,6 +9,7 @@
 //! | `Acknowledge` | tells a sender that honours it how much was taken |
 //! | `Cycles` | the cycle counter handed to core |
 //! | `ticks()`, `ticks_per_second()` | a clock for the age of answers, wraps; no rate where time is not kept |
+//! | `undisturbed()` | does the work of an epoch, without interrupts that are not a line's |
 //! | `BAUD` | speed of the lines, on which bytes come and answers leave |
 //! | `RECEIVE_DELAY` | longest time from a byte to its interrupt, bytes |
 //! | `Bus`, `present()` | with sensors: `SpiDevice` of the part of a number; which are there |

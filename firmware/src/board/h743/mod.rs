@@ -88,6 +88,11 @@ pub fn start() -> Ports {
     }
 }
 
+/// Does the work of an epoch; bytes come meanwhile.
+pub fn undisturbed<R>(work: impl FnOnce() -> R) -> R {
+    work()
+}
+
 /// The log port.
 pub(super) fn log_output() -> Transmitter {
     Transmitter::log()

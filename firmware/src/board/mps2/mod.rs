@@ -94,6 +94,23 @@ pub fn start() -> Ports {
     }
 }
 
+/// Does the work of an epoch. A host that sends as fast as it can waits meanwhile: the instructions of its
+/// bytes' interrupts are no work of the epoch, and would be more of it the busier that machine is.
+#[cfg(not(feature = "real-time"))]
+pub fn undisturbed<R>(work: impl FnOnce() -> R) -> R {
+    cortex_m::peripheral::NVIC::mask(Interrupt::RECEIVER);
+    let result = work();
+    // SAFETY: no critical section rests on the mask, which was off before.
+    unsafe { cortex_m::peripheral::NVIC::unmask(Interrupt::RECEIVER) };
+    result
+}
+
+/// Does the work of an epoch; bytes come meanwhile, as they do on a line.
+#[cfg(feature = "real-time")]
+pub fn undisturbed<R>(work: impl FnOnce() -> R) -> R {
+    work()
+}
+
 /// No rate: a host replays faster than real time, and how long a byte waits says nothing.
 #[cfg(not(feature = "real-time"))]
 pub const fn ticks_per_second() -> Option<u32> {
