@@ -2,6 +2,7 @@
 //! satellite, and where it stands.
 
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use surefix_core::gnss::Satellite;
 use surefix_core::gnss::measurement::SatelliteReason;
@@ -31,7 +32,10 @@ fn approach() -> ReplayResult {
         receiver: Format::Rtcm3,
         disturbances: Disturbances::default(),
     };
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("satellites");
+    // One each: tests of this file run beside each other.
+    static FOLDERS: AtomicU32 = AtomicU32::new(0);
+    let name = format!("satellites-{}", FOLDERS.fetch_add(1, Ordering::Relaxed));
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
     std::fs::create_dir_all(&folder).unwrap();
     let gnss = folder.join("receiver.rtcm3");
     std::fs::write(&gnss, simulate(&args).unwrap().receiver).unwrap();
