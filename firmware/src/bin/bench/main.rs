@@ -27,6 +27,8 @@ mod measure;
 #[cfg(target_os = "none")]
 mod messages;
 #[cfg(target_os = "none")]
+mod monitors;
+#[cfg(target_os = "none")]
 mod output;
 #[cfg(target_os = "none")]
 mod risk;
@@ -59,6 +61,7 @@ fn main() -> ! {
     araim::all();
     sensors::all();
     robust::all();
+    monitors::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

@@ -7,12 +7,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use surefix_core::config::Config;
 use surefix_core::gnss::satellite::SystemSet;
-use surefix_core::gnss::solution::{SnapshotWorkspace, UsedRow};
-use surefix_core::gnss::{BroadcastIonosphere, EphemerisStore, Satellite, SatelliteSet, System};
+use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
-use surefix_core::time::GpsTime;
 
-use crate::source::{Item, Recording};
+use crate::linearised::{self, Linearised, Lineariser};
+use crate::simulate::noise::normal;
+use crate::source::Recording;
 use crate::truth::Truth;
 
 /// An epoch ready to be estimated.
@@ -28,7 +29,7 @@ pub struct Prepared {
 impl Prepared {
     /// The row of a satellite.
     pub fn row_of(&self, satellite: Satellite) -> Option<usize> {
-        self.rows.iter().position(|row| row.satellite == satellite)
+        linearised::row_of(&self.rows, satellite)
     }
 }
 
@@ -149,37 +150,21 @@ fn read(
     };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(u64::MAX);
-    let mut reader = Reader {
-        store: Box::new(EphemerisStore::EMPTY),
-        ionosphere: BroadcastIonosphere::EMPTY,
-        workspace: Box::new(SnapshotWorkspace::EMPTY),
-        start: None,
-        first: None,
-    };
+    let mut lineariser = Lineariser::new(&config);
     let mut epochs = Vec::new();
     for item in &recording.items {
-        match item {
-            Item::Ephemeris(ephemeris) => {
-                let _ = reader.store.insert(ephemeris);
+        let Some(Ok(linearised)) = lineariser.take(item) else {
+            continue;
+        };
+        let Some(mut prepared) = prepare(linearised, &truth) else {
+            continue;
+        };
+        if place.add_noise {
+            for (residual_m, row) in prepared.model.residual_m.iter_mut().zip(&prepared.rows) {
+                *residual_m += row.sigma.independent_m * normal(&mut random);
             }
-            Item::Klobuchar(parameters) => {
-                reader.ionosphere.insert(*parameters);
-            }
-            Item::Epoch(epoch) => {
-                let Some(mut prepared) = reader.prepare(epoch, &config, &truth) else {
-                    continue;
-                };
-                if place.add_noise {
-                    for (residual_m, row) in
-                        prepared.model.residual_m.iter_mut().zip(&prepared.rows)
-                    {
-                        *residual_m += row.sigma.independent_m * normal(&mut random);
-                    }
-                }
-                epochs.push(prepared);
-            }
-            Item::ForFilter(_) => {}
         }
+        epochs.push(prepared);
     }
     if epochs.len() < 100 {
         bail!(
@@ -195,45 +180,18 @@ fn read(
     })
 }
 
-struct Reader {
-    store: Box<EphemerisStore>,
-    ionosphere: BroadcastIonosphere,
-    workspace: Box<SnapshotWorkspace>,
-    start: Option<[f64; 3]>,
-    first: Option<GpsTime>,
-}
-
-impl Reader {
-    fn prepare(
-        &mut self,
-        epoch: &surefix_core::gnss::ObservationEpoch,
-        config: &Config,
-        truth: &Truth,
-    ) -> Option<Prepared> {
-        let first = *self.first.get_or_insert(epoch.time);
-        self.workspace
-            .prepare(epoch, &self.store, &self.ionosphere, config);
-        let solution = self.workspace.solve(SatelliteSet::EMPTY, self.start).ok()?;
-        self.start = Some(solution.r_e_m);
-        let true_e_m = truth.at(epoch.time, epoch.time.ns() - first.ns())?;
-        let at_enu_m = Truth::error_enu_m(true_e_m, solution.r_e_m)?;
-        let rows: Vec<UsedRow> = self.workspace.used_rows().collect();
-        let mut model = Box::new(LinearModel::EMPTY);
-        (*model).clone_from(self.workspace.model());
-        for (sigma_m, row) in model.sigma_m.iter_mut().zip(&rows) {
-            *sigma_m = row.sigma.total_m();
-        }
-        Some(Prepared {
-            model,
-            rows,
-            at_enu_m,
-        })
+/// With the sigmas of the whole error, as [P3] (3) adds them up.
+fn prepare(linearised: Linearised, truth: &Truth) -> Option<Prepared> {
+    let at_enu_m = linearised.error_enu_m(truth)?;
+    let Linearised {
+        mut model, rows, ..
+    } = linearised;
+    for (sigma_m, row) in model.sigma_m.iter_mut().zip(&rows) {
+        *sigma_m = row.sigma.total_m();
     }
-}
-
-/// Standard normal (Box and Muller).
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let uniform = |random: &mut ChaCha8Rng| super::uniform(random);
-    let radius = (-2.0 * (1.0 - uniform(random)).ln()).sqrt();
-    radius * (std::f64::consts::TAU * uniform(random)).cos()
+    Some(Prepared {
+        model,
+        rows,
+        at_enu_m,
+    })
 }

@@ -1,0 +1,144 @@
+//! What is measured of the monitors of one epoch behind their common face: the same skies for each, without a
+//! fault and with one, from the rows to the verdict with its exclusion and its levels.
+
+use super::measure::{RUNS, Row, require};
+use super::sky::{Random, model};
+use core::hint::black_box;
+use static_cell::ConstStaticCell;
+use surefix_core::consts::MAX_SATELLITES;
+use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::weights::RowSigma;
+use surefix_core::gnss::{Satellite, System};
+use surefix_core::linalg::LinearModel;
+use surefix_core::raim::araim::AraimParameters;
+use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
+use surefix_core::raim::igg3::Igg3Config;
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
+use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
+use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
+use surefix_core::raim::monitors::{EpochMonitor, MonitorEpoch, Outcome};
+use surefix_core::raim::reconstructed::LevelConvention;
+
+/// Satellites and constellations.
+const SKIES: [(usize, usize); 3] = [(8, 1), (12, 2), (24, 2)];
+/// On the last row, m.
+const FAULT_M: f64 = 60.0;
+
+/// A fault of an epoch, one of a satellite's mean duration of an hour.
+const fn rate(p_instant: f64) -> FaultRate {
+    FaultRate {
+        p_instant,
+        mean_duration_s: 3600.0,
+    }
+}
+
+const RESIDUAL: ResidualConfig = ResidualConfig {
+    p_false_alarm: 3.3333e-7,
+    p_missed_detection: 1e-3,
+    p_fault_free: 1e-7,
+    max_faults: 3,
+};
+const RMS: RmsConfig = RmsConfig {
+    p_false_alarm: 3.3333e-7,
+    rule: RmsRule::Corrected,
+};
+const ROBUST: RobustConfig = RobustConfig {
+    estimator: Igg3Config::CORRECTED,
+    levels: LevelConvention::CORRECTED,
+};
+const SUPPORT: IntegritySupport = IntegritySupport {
+    ura_m: 1.0,
+    ure_m: 2.0 / 3.0,
+    b_nom_m: 0.75,
+    satellite: rate(1e-5),
+    constellation: rate(1e-4),
+};
+const ARAIM: AraimConfig = AraimConfig {
+    parameters: AraimParameters::LPV_200,
+    support: [
+        IntegritySupport {
+            constellation: rate(1e-8),
+            ..SUPPORT
+        },
+        SUPPORT,
+        SUPPORT,
+    ],
+    exposure_s: 0.0,
+};
+
+/// Measures every row and prints it.
+#[inline(never)]
+pub fn all() {
+    static RESIDUAL_MONITOR: ConstStaticCell<ResidualMonitor> =
+        ConstStaticCell::new(ResidualMonitor::EMPTY);
+    static RMS_MONITOR: ConstStaticCell<RmsMonitor> = ConstStaticCell::new(RmsMonitor::EMPTY);
+    static ROBUST_MONITOR: ConstStaticCell<RobustMonitor> =
+        ConstStaticCell::new(RobustMonitor::EMPTY);
+    static ARAIM_MONITOR: ConstStaticCell<AraimMonitor> = ConstStaticCell::new(AraimMonitor::EMPTY);
+    let residual = ["monitor/residual", "monitor/residual/fault"];
+    measured(RESIDUAL_MONITOR.take(), &RESIDUAL, residual);
+    measured(
+        RMS_MONITOR.take(),
+        &RMS,
+        ["monitor/rms", "monitor/rms/fault"],
+    );
+    let robust = ["monitor/igg3", "monitor/igg3/fault"];
+    measured(ROBUST_MONITOR.take(), &ROBUST, robust);
+    let araim = ["monitor/araim", "monitor/araim/fault"];
+    measured(ARAIM_MONITOR.take(), &ARAIM, araim);
+}
+
+/// Prints the rows of one monitor.
+fn measured<M: EpochMonitor>(monitor: &mut M, config: &M::Config, [clean, faulted]: [&str; 2]) {
+    require(monitor.configure(config).is_ok(), "no configuration");
+    // Anew for each monitor: all see the same skies.
+    let mut random = Random::new(13);
+    let mut rows = LinearModel::EMPTY;
+    for (n, clocks) in SKIES {
+        let (mut healthy, mut with_fault) = (Row::new(), Row::new());
+        for _ in 0..RUNS {
+            model(&mut random, n, clocks, &mut rows);
+            let used = used_rows(&rows, clocks);
+            let used = &used[..n];
+            healthy.run(|| assess(monitor, &rows, used));
+            rows.residual_m[n - 1] += FAULT_M;
+            with_fault.run(|| assess(monitor, &rows, used));
+        }
+        healthy.print(clean, Some(n), Some(3 + clocks));
+        with_fault.print(faulted, Some(n), Some(3 + clocks));
+    }
+}
+
+#[inline(never)]
+fn assess<M: EpochMonitor>(monitor: &mut M, model: &LinearModel, used: &[UsedRow]) {
+    let Ok(epoch) = MonitorEpoch::new(black_box(model), black_box(used)) else {
+        return require(false, "no epoch");
+    };
+    let verdict = black_box(monitor.assess(&epoch));
+    // That the weights of robust estimation do not settle is an answer, too.
+    let is_tested = !matches!(verdict.outcome, Outcome::NotTested(_));
+    require(is_tested || verdict.levels.is_err(), "no verdict");
+}
+
+/// What the rows of a random sky belong to.
+fn used_rows(model: &LinearModel, clocks: usize) -> [UsedRow; MAX_SATELLITES] {
+    core::array::from_fn(|row| {
+        let [east, north, up, ..] = model.design[row];
+        let system = System::ALL[row % clocks];
+        UsedRow {
+            satellite: Satellite::new(system, (row / clocks) as u8 + 1).unwrap_or(FIRST),
+            elevation_rad: libm::asin(-up),
+            azimuth_rad: libm::atan2(-east, -north),
+            sigma: RowSigma {
+                independent_m: model.sigma_m[row],
+                common_m: 0.0,
+            },
+        }
+    })
+}
+
+const FIRST: Satellite = match Satellite::new(System::Gps, 1) {
+    Some(satellite) => satellite,
+    None => panic!("G01 exists"),
+};
