@@ -24,6 +24,7 @@ pub mod reconstructed;
 pub mod rms;
 pub mod slope;
 pub mod thresholds;
+pub mod vpl_mhss;
 
 use crate::linalg::qr::QrError;
 
