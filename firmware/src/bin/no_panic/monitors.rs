@@ -12,9 +12,11 @@ use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
+use surefix_core::raim::monitors::vpl_mhss::{VplConfig, VplMonitor};
 use surefix_core::raim::monitors::{self, EpochMonitor, MonitorEpoch, MonitorVerdict, NotTested};
 use surefix_core::raim::reconstructed::{self, LevelConvention};
 use surefix_core::raim::rms::{self, RmsComparison, RmsVariant};
+use surefix_core::raim::vpl_mhss::{VplSeparation, VplTest};
 
 pub fn all() {
     let mut model = LinearModel::EMPTY;
@@ -80,7 +82,26 @@ pub fn all() {
         |robust| RobustMonitor::workspace(robust).weights().len(),
         &robust,
     );
+    monitor(&mut VplMonitor::EMPTY, &VplConfig::PRESET, &epoch);
+    separations(&model);
     estimators(&model);
+}
+
+fn separations(model: &LinearModel) {
+    let mut separation = VplSeparation::EMPTY;
+    call3(VplSeparation::configure, &mut separation, 1e-7, 1e-7);
+    call2(VplSeparation::test, &mut separation, model);
+    if let Ok(test) = separation.test(black_box(model)) {
+        call1(VplTest::passes, &test);
+        call1(VplTest::excluded, &test);
+        call1(VplTest::excluded_as_printed, &test);
+    }
+    call1(
+        |s| VplSeparation::levels_without_m(s).sum::<f64>(),
+        &separation,
+    );
+    call2(VplSeparation::hpl_m, &separation, Some(3));
+    call2(VplSeparation::position_enu_m, &separation, Some(3));
 }
 
 fn estimators(model: &LinearModel) {
