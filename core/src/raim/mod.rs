@@ -2,7 +2,8 @@
 //!
 //! In reading order: [`parity`] tests an epoch for a fault, [`thresholds`] says when a statistic is
 //! too large, [`slope`] bounds what an undetected fault can do to the position, [`level`] adds the noise, [`exclusion`] finds the
-//! faulty rows, [`bias`] tells how far one is off, [`ls`] is the same test computed the textbook's way, for comparison. [`araim`] bounds the
+//! faulty rows, [`bias`] tells how far one is off, [`ls`] is the same test computed the textbook's way, for comparison. [`gdop4`] tells what four satellites
+//! alone are worth. [`araim`] bounds the
 //! error against every likely fault by solution separation. [`monitors`] gives all of them, and those of other
 //! sources, one face.
 //!
@@ -13,6 +14,7 @@ pub mod araim;
 pub mod bias;
 pub mod bounded;
 pub mod exclusion;
+pub mod gdop4;
 pub mod igg3;
 pub mod level;
 pub mod ls;

@@ -7,6 +7,7 @@ use surefix_core::linalg::LinearModel;
 use surefix_core::linalg::qr::WhitenedQr;
 use surefix_core::raim::bias::{self, BiasEstimate};
 use surefix_core::raim::exclusion::{self, ExclusionWorkspace, RowSet};
+use surefix_core::raim::gdop4;
 use surefix_core::raim::level::LevelFactors;
 use surefix_core::raim::ls::{self, LeastSquaresWorkspace};
 use surefix_core::raim::slope::{self, Sensitivity};
@@ -41,6 +42,9 @@ pub fn all() {
     }
     rows(RowSet::EMPTY);
     slopes(&model, &mut qr);
+    call2(gdop4::pair_product, &[0.0; 3], &[1.0; 3]);
+    call1(gdop4::gdop_squared, &[1.0; 6]);
+    call1(gdop4::gdop, &[[0.0; 3]; 4]);
 }
 
 fn rows(rows: RowSet) {
