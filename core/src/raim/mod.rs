@@ -13,15 +13,19 @@
 pub mod araim;
 pub mod bias;
 pub mod bounded;
+pub mod consensus;
 pub mod exclusion;
+pub mod foim;
 pub mod gdop4;
 pub mod igg3;
 pub mod level;
 pub mod ls;
 pub mod monitors;
 pub mod parity;
+pub mod ranco;
 pub mod reconstructed;
 pub mod rms;
+pub mod s_ranco;
 pub mod slope;
 pub mod thresholds;
 

@@ -13,11 +13,14 @@
 //! | ARAIM | [`araim`] | every likely fault, with the integrity risk |
 //! | IGG-III | [`robust`] | nothing beyond the noise of the rows that are left |
 //! | RMS comparison | [`rms`] | no levels |
+//! | RANCO, S-RANCO, FOIM | [`consensus`] | no levels |
 //!
 //! The default path of the product does not go through here: `snapshot.rs` solves, tests and
 //! excludes by itself.
 
+mod agreement;
 pub mod araim;
+pub mod consensus;
 pub mod residual;
 pub mod rms;
 pub mod robust;
