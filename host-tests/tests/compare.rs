@@ -137,7 +137,7 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
         "--ionosphere",
         "none",
         "--fault",
-        "G05:step:60:30:60",
+        "G07:step:60:30:60",
         "--out",
         "unused",
     ]);
@@ -173,7 +173,7 @@ fn what_is_written_can_be_read_and_is_the_same_again() {
             "--systems",
             "GE",
             "--fault",
-            "G05:ramp:1:20:60",
+            "G07:ramp:1:20:60",
             "--sweep",
             "0:20:40",
             "--faults",

@@ -32,6 +32,7 @@ pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod gps_hours;
 pub mod latency;
 pub mod monte_carlo;
 pub mod outcome;

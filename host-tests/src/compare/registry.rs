@@ -10,11 +10,14 @@ use surefix_core::linalg::qr::WhitenedQr;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
 use surefix_core::raim::araim::{AraimParameters, MAX_ARAIM_SATELLITES};
 use surefix_core::raim::exclusion::{MAX_FAULTS, RowSet};
+use surefix_core::raim::foim::GDOP_LIMIT;
 use surefix_core::raim::igg3::Igg3Config;
 use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
+use surefix_core::raim::monitors::vpl_mhss::{VplConfig, VplMonitor};
 use surefix_core::raim::monitors::{EpochMonitor, MonitorEpoch, MonitorVerdict, NoLevels, Outcome};
 use surefix_core::raim::reconstructed::LevelConvention;
 
@@ -182,6 +185,61 @@ pub const MONITORS: &[Entry] = &[
         work: "monitor/araim",
         most_satellites: MAX_ARAIM_SATELLITES,
     },
+    Entry {
+        name: "vpl_mhss",
+        title: "VPL separation",
+        p_false_alert: |phase| Some(phase.p_fa),
+        looks_for_faults: true,
+        excludes: 1,
+        has_levels: true,
+        make: |phase| {
+            made(
+                VplMonitor::EMPTY,
+                &VplConfig {
+                    p_false_alarm: phase.requirements().p_fa,
+                    ..VplConfig::PRESET
+                },
+            )
+        },
+        work: "monitor/vpl_mhss",
+        most_satellites: MAX_SATELLITES,
+    },
+    Entry {
+        name: "ranco",
+        title: "RANCO",
+        p_false_alert: |phase| Some(phase.p_fa),
+        looks_for_faults: true,
+        excludes: MAX_FAULTS,
+        has_levels: false,
+        make: |phase| consensus(phase, ConsensusRule::Ranco),
+        work: "monitor/ranco",
+        most_satellites: MAX_SATELLITES,
+    },
+    Entry {
+        name: "s_ranco",
+        title: "S-RANCO",
+        p_false_alert: |phase| Some(phase.p_fa),
+        looks_for_faults: true,
+        excludes: MAX_FAULTS,
+        has_levels: false,
+        make: |phase| consensus(phase, ConsensusRule::SRanco),
+        work: "monitor/s_ranco",
+        most_satellites: MAX_SATELLITES,
+    },
+    Entry {
+        name: "foim",
+        title: "FOIM",
+        p_false_alert: |phase| Some(phase.p_fa),
+        looks_for_faults: true,
+        excludes: MAX_FAULTS,
+        has_levels: false,
+        make: |phase| {
+            let gdop_limit = GDOP_LIMIT;
+            consensus(phase, ConsensusRule::Foim { gdop_limit })
+        },
+        work: "monitor/foim",
+        most_satellites: MAX_SATELLITES,
+    },
 ];
 
 /// Integrity support data of GPS, Galileo and BDS: probabilities and nominal bias as [BLANCH-2015] takes them; the
@@ -213,6 +271,17 @@ fn made<M: EpochMonitor + 'static>(empty: M, config: &M::Config) -> Result<Made>
         monitor,
         memory_b: size_of::<M>(),
     })
+}
+
+fn consensus(phase: Phase, rule: ConsensusRule) -> Result<Made> {
+    made(
+        ConsensusMonitor::EMPTY,
+        &ConsensusConfig {
+            rule,
+            p_false_alarm: phase.requirements().p_fa,
+            max_faults: MAX_FAULTS,
+        },
+    )
 }
 
 /// The entries of the names on the command line, in the order of [`MONITORS`]; all without a name.

@@ -14,11 +14,14 @@
 //! | IGG-III | [`robust`] | nothing beyond the noise of the rows that are left |
 //! | RMS comparison | [`rms`] | no levels |
 //! | VPL separation | [`vpl_mhss`] | one fault, of any size, in each axis |
+//! | RANCO, S-RANCO, FOIM | [`consensus`] | no levels |
 //!
 //! The default path of the product does not go through here: `snapshot.rs` solves, tests and
 //! excludes by itself.
 
+mod agreement;
 pub mod araim;
+pub mod consensus;
 pub mod residual;
 pub mod rms;
 pub mod robust;

@@ -4,18 +4,15 @@
 //! linearisation. Sources and assumptions: [`crate::raim::parity`], [`crate::raim::exclusion`],
 //! [`crate::raim::level`].
 
+use super::agreement::Agreement;
 use super::{
     ConfigureError, EpochMonitor, MonitorEpoch, MonitorLevels, MonitorVerdict, NoLevels, NotTested,
-    Outcome, checked_levels, without_rows,
+    Outcome, checked_levels,
 };
 use crate::consts::MAX_SATELLITES;
-use crate::linalg::LinearModel;
-use crate::linalg::qr::WhitenedQr;
 use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS, RowSet};
 use crate::raim::level::LevelFactors;
 use crate::raim::slope::{NoLevel, Sensitivity};
-use crate::raim::thresholds::RaimTable;
-use crate::raim::{RaimError, TestStatistic, parity};
 
 /// What residual RAIM is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,11 +30,9 @@ pub struct ResidualConfig {
 /// Residual RAIM, and its memory (25 kB).
 #[derive(Clone, Debug)]
 pub struct ResidualMonitor {
-    thresholds: RaimTable,
+    agreement: Agreement,
     factors: Option<LevelFactors>,
     max_faults: usize,
-    remaining: LinearModel,
-    qr: WhitenedQr,
     sensitivity: Sensitivity,
     exclusion: ExclusionWorkspace,
     independent_sigma_m: [f64; MAX_SATELLITES],
@@ -47,35 +42,14 @@ pub struct ResidualMonitor {
 impl ResidualMonitor {
     /// Not configured.
     pub const EMPTY: Self = Self {
-        thresholds: RaimTable::EMPTY,
+        agreement: Agreement::EMPTY,
         factors: None,
         max_faults: 1,
-        remaining: LinearModel::EMPTY,
-        qr: WhitenedQr::EMPTY,
         sensitivity: Sensitivity::EMPTY,
         exclusion: ExclusionWorkspace::EMPTY,
         independent_sigma_m: [1.0; MAX_SATELLITES],
         common_errors_m: [[0.0; MAX_SATELLITES]],
     };
-
-    /// Tests the rows that are not left out.
-    fn test(
-        &mut self,
-        model: &LinearModel,
-        left_out: RowSet,
-    ) -> Result<(TestStatistic, f64), NotTested> {
-        without_rows(model, left_out, &mut self.remaining);
-        let statistic =
-            parity::test(&self.remaining, &mut self.qr).map_err(|error| match error {
-                RaimError::Factor(error) => NotTested::Factor(error),
-                RaimError::NoRedundancy { n } => NotTested::NoRedundancy { n },
-            })?;
-        let threshold = self
-            .thresholds
-            .threshold(statistic.redundancy)
-            .ok_or(NotTested::NotConfigured)?;
-        Ok((statistic, threshold))
-    }
 
     /// Levels of the rows tested last.
     fn levels(
@@ -83,12 +57,16 @@ impl ResidualMonitor {
         epoch: &MonitorEpoch<'_>,
         left_out: RowSet,
     ) -> Result<MonitorLevels, NoLevels> {
-        let redundancy = self.qr.n().saturating_sub(self.qr.m());
-        let sqrt_noncentrality = self
-            .thresholds
+        let Agreement {
+            thresholds,
+            remaining,
+            qr,
+        } = &mut self.agreement;
+        let redundancy = qr.n().saturating_sub(qr.m());
+        let sqrt_noncentrality = thresholds
             .sqrt_noncentrality(redundancy)
             .ok_or(NoLevels::NoRedundancy)?;
-        self.sensitivity.fill(&mut self.qr);
+        self.sensitivity.fill(qr);
         let kept = || {
             let rows = epoch.rows().iter().enumerate();
             rows.filter(move |(row, _)| !left_out.contains(*row))
@@ -113,18 +91,13 @@ impl ResidualMonitor {
             *common_m = row.sigma.common_m;
         }
         let covariance = self.sensitivity.position_covariance(
-            &self.remaining,
+            remaining,
             &self.independent_sigma_m,
             &self.common_errors_m,
         );
         let factors = self.factors.ok_or(NoLevels::NotTested)?;
         let [hpl_m, vpl_m] = factors.levels_m(&slope, &covariance);
         checked_levels(hpl_m, vpl_m)
-    }
-
-    fn position_enu_m(&self) -> [f64; 3] {
-        let [east, north, up, ..] = self.qr.estimate();
-        [east, north, up]
     }
 }
 
@@ -139,8 +112,8 @@ impl EpochMonitor for ResidualMonitor {
                 value: config.max_faults as f64,
             });
         }
-        self.thresholds
-            .fill(config.p_false_alarm, config.p_missed_detection)?;
+        self.agreement
+            .configure(config.p_false_alarm, config.p_missed_detection)?;
         self.factors = Some(LevelFactors::new(
             config.p_missed_detection,
             config.p_fault_free,
@@ -154,12 +127,12 @@ impl EpochMonitor for ResidualMonitor {
         if self.factors.is_none() {
             return MonitorVerdict::not_tested(NotTested::NotConfigured);
         }
-        let (statistic, threshold) = match self.test(epoch.model(), RowSet::EMPTY) {
+        let (statistic, threshold) = match self.agreement.test(epoch.model(), RowSet::EMPTY) {
             Ok(tested) => tested,
             Err(why) => {
                 let mut verdict = MonitorVerdict::not_tested(why);
                 if let NotTested::NoRedundancy { .. } = why {
-                    verdict.position_enu_m = Some(self.position_enu_m());
+                    verdict.position_enu_m = Some(self.agreement.position_enu_m());
                     verdict.levels = Err(NoLevels::NoRedundancy);
                 }
                 return verdict;
@@ -168,7 +141,7 @@ impl EpochMonitor for ResidualMonitor {
         let mut verdict = MonitorVerdict {
             outcome: Outcome::Passed,
             excluded: RowSet::EMPTY,
-            position_enu_m: Some(self.position_enu_m()),
+            position_enu_m: Some(self.agreement.position_enu_m()),
             levels: Err(NoLevels::FaultPresent),
             statistic: Some(statistic.sum_of_squares),
             threshold: Some(threshold),
@@ -178,20 +151,20 @@ impl EpochMonitor for ResidualMonitor {
             return verdict;
         }
         verdict.outcome = Outcome::Detected;
-        self.sensitivity.fill(&mut self.qr);
+        self.sensitivity.fill(&mut self.agreement.qr);
         let found = exclusion::identify(
-            &self.qr,
-            &self.thresholds,
+            &self.agreement.qr,
+            &self.agreement.thresholds,
             self.max_faults,
             &mut self.exclusion,
         );
         if let Ok(found) = found
-            && let Ok((statistic, threshold)) = self.test(epoch.model(), found.rows)
+            && let Ok((statistic, threshold)) = self.agreement.test(epoch.model(), found.rows)
             && statistic.passes(threshold)
         {
             verdict.outcome = Outcome::Excluded;
             verdict.excluded = found.rows;
-            verdict.position_enu_m = Some(self.position_enu_m());
+            verdict.position_enu_m = Some(self.agreement.position_enu_m());
             verdict.levels = self.levels(epoch, found.rows);
         }
         verdict

@@ -12,11 +12,14 @@ use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::araim::AraimParameters;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
+use surefix_core::raim::foim::GDOP_LIMIT;
 use surefix_core::raim::igg3::Igg3Config;
 use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
+use surefix_core::raim::monitors::vpl_mhss::{VplConfig, VplMonitor};
 use surefix_core::raim::monitors::{EpochMonitor, MonitorEpoch, Outcome};
 use surefix_core::raim::reconstructed::LevelConvention;
 
@@ -76,6 +79,9 @@ pub fn all() {
     static ROBUST_MONITOR: ConstStaticCell<RobustMonitor> =
         ConstStaticCell::new(RobustMonitor::EMPTY);
     static ARAIM_MONITOR: ConstStaticCell<AraimMonitor> = ConstStaticCell::new(AraimMonitor::EMPTY);
+    static VPL_MONITOR: ConstStaticCell<VplMonitor> = ConstStaticCell::new(VplMonitor::EMPTY);
+    static CONSENSUS_MONITOR: ConstStaticCell<ConsensusMonitor> =
+        ConstStaticCell::new(ConsensusMonitor::EMPTY);
     let residual = ["monitor/residual", "monitor/residual/fault"];
     measured(RESIDUAL_MONITOR.take(), &RESIDUAL, residual);
     measured(
@@ -87,6 +93,31 @@ pub fn all() {
     measured(ROBUST_MONITOR.take(), &ROBUST, robust);
     let araim = ["monitor/araim", "monitor/araim/fault"];
     measured(ARAIM_MONITOR.take(), &ARAIM, araim);
+    let vpl = ["monitor/vpl_mhss", "monitor/vpl_mhss/fault"];
+    measured(VPL_MONITOR.take(), &VplConfig::PRESET, vpl);
+    let monitor = CONSENSUS_MONITOR.take();
+    let gdop_limit = GDOP_LIMIT;
+    for (rule, stages) in [
+        (
+            ConsensusRule::Ranco,
+            ["monitor/ranco", "monitor/ranco/fault"],
+        ),
+        (
+            ConsensusRule::SRanco,
+            ["monitor/s_ranco", "monitor/s_ranco/fault"],
+        ),
+        (
+            ConsensusRule::Foim { gdop_limit },
+            ["monitor/foim", "monitor/foim/fault"],
+        ),
+    ] {
+        let config = ConsensusConfig {
+            rule,
+            p_false_alarm: 3.3333e-7,
+            max_faults: 3,
+        };
+        measured(monitor, &config, stages);
+    }
 }
 
 /// Prints the rows of one monitor.

@@ -1,0 +1,159 @@
+//! Fast optimal subset selection integrity monitoring (FOIM) [P4] 2.2 figure 5: S-RANCO without subsets of poor geometry.
+//!
+//! In: an epoch in a [`ConsensusWorkspace`], k, and the largest GDOP. Out: its
+//! [`super::consensus::suspicion::Suspicions`].
+//!
+//! | symbol | code | unit | meaning |
+//! |--------|------|------|---------|
+//! | k | `factor` | 1 | sigmas of the prediction beyond which a row is an outlier |
+//! | Thr_GDOP | `gdop_limit` | 1 | largest dilution of a subset that predicts |
+//! | E_ij | `pairs` | 1 | e_i·e_j + 1 of every pair of rows, formed once |
+//!
+//! Equations: [P4] (7), GDOP in closed form (8) to (12), [`super::gdop4`]: a subset above the limit is dropped before
+//! it is solved. A row that is then a member of no subset comes back with the one of the smallest GDOP that
+//! it is a member of (the paper's "green channel"). Keys: docs/references.md.
+//!
+//! Departures: the closed form is one of four satellites and one clock. With more clocks a subset is solved first
+//! and the limit is held against its position dilution, which saves the predictions alone.
+
+use super::consensus::subsets::Subsets;
+use super::consensus::{ConsensusWorkspace, Minimal};
+use super::gdop4;
+use crate::consts::MAX_SATELLITES;
+
+/// Thr_GDOP, unless told otherwise: the largest with which verdicts hardly differ from those of S-RANCO, see
+/// docs/decisions/022-consensus.md.
+pub const GDOP_LIMIT: f64 = 12.0;
+
+/// Counts the suspicions of the epoch.
+pub fn count(workspace: &mut ConsensusWorkspace, factor: f64, gdop_limit: f64) {
+    let n = workspace.rows().len();
+    workspace.suspicions.clear(n);
+    match workspace.clocks() {
+        1 => {
+            multiply_pairs(workspace);
+            each_subset::<1>(workspace, factor, gdop_limit);
+        }
+        2 => each_subset::<2>(workspace, factor, gdop_limit),
+        3 => each_subset::<3>(workspace, factor, gdop_limit),
+        _ => {}
+    }
+}
+
+/// Above the diagonal, where members ascend.
+fn multiply_pairs(workspace: &mut ConsensusWorkspace) {
+    for first in 0..workspace.rows().len() {
+        for second in first + 1..workspace.rows().len() {
+            let (Some(a), Some(b)) = (workspace.rows().get(first), workspace.rows().get(second))
+            else {
+                return;
+            };
+            let product = gdop4::pair_product(a.direction(), b.direction());
+            let place = workspace.pairs.get_mut(first);
+            if let Some(place) = place.and_then(|pairs| pairs.get_mut(second)) {
+                *place = product;
+            }
+        }
+    }
+}
+
+/// GDOP² of four members by the closed form; `None` for what has none.
+#[inline]
+fn gdop_squared(workspace: &ConsensusWorkspace, members: &[usize]) -> Option<f64> {
+    let &[first, second, third, fourth] = members else {
+        return None;
+    };
+    let of_first = workspace.pairs.get(first)?;
+    let of_second = workspace.pairs.get(second)?;
+    gdop4::gdop_squared(&[
+        *of_first.get(second)?,
+        *of_first.get(third)?,
+        *of_first.get(fourth)?,
+        *of_second.get(third)?,
+        *of_second.get(fourth)?,
+        *workspace.pairs.get(third)?.get(fourth)?,
+    ])
+    .ok()
+}
+
+/// A subset within the limit, solved.
+#[inline]
+fn admitted<const CLOCKS: usize>(
+    workspace: &ConsensusWorkspace,
+    members: &[usize],
+    limit_squared: f64,
+) -> Option<Minimal<CLOCKS>> {
+    if CLOCKS == 1 {
+        let is_admitted = gdop_squared(workspace, members)? <= limit_squared;
+        return if is_admitted {
+            Minimal::solve(workspace.rows(), members)
+        } else {
+            None
+        };
+    }
+    let minimal = Minimal::solve(workspace.rows(), members)?;
+    (minimal.position_dilution_squared() <= limit_squared).then_some(minimal)
+}
+
+#[inline(never)]
+fn each_subset<const CLOCKS: usize>(
+    workspace: &mut ConsensusWorkspace,
+    factor: f64,
+    gdop_limit: f64,
+) {
+    let limit_squared = gdop_limit * gdop_limit;
+    let mut is_member = [false; MAX_SATELLITES];
+    let mut subsets = Subsets::new(workspace.rows().len(), workspace.members());
+    while let Some(members) = subsets.next() {
+        let Some(minimal) = admitted::<CLOCKS>(workspace, members, limit_squared) else {
+            workspace.suspicions.dropped += 1;
+            continue;
+        };
+        for member in members {
+            if let Some(is_member) = is_member.get_mut(*member) {
+                *is_member = true;
+            }
+        }
+        workspace.suspect(members, &minimal, factor * factor);
+    }
+    for row in 0..workspace.rows().len() {
+        if is_member.get(row) == Some(&false) {
+            admit_best::<CLOCKS>(workspace, row, factor);
+        }
+    }
+}
+
+/// The subset of the smallest dilution that the row is a member of predicts after all.
+#[inline(never)]
+fn admit_best<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, row: usize, factor: f64) {
+    let mut best_squared = f64::INFINITY;
+    let mut best = [0; super::consensus::MAX_MEMBERS];
+    let size = workspace.members();
+    let mut subsets = Subsets::new(workspace.rows().len(), size);
+    while let Some(members) = subsets.next() {
+        if !members.contains(&row) {
+            continue;
+        }
+        let dilution_squared = if CLOCKS == 1 {
+            gdop_squared(workspace, members)
+        } else {
+            Minimal::<CLOCKS>::solve(workspace.rows(), members)
+                .map(|minimal| minimal.position_dilution_squared())
+        };
+        if let Some(squared) = dilution_squared
+            && squared < best_squared
+        {
+            best_squared = squared;
+            for (place, member) in best.iter_mut().zip(members) {
+                *place = *member;
+            }
+        }
+    }
+    if best_squared < f64::INFINITY
+        && let Some(members) = best.get(..size)
+        && let Some(minimal) = Minimal::<CLOCKS>::solve(workspace.rows(), members)
+    {
+        workspace.suspicions.dropped -= 1;
+        workspace.suspect(members, &minimal, factor * factor);
+    }
+}
