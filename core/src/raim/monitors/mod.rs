@@ -13,11 +13,13 @@
 //! | ARAIM | [`araim`] | every likely fault, with the integrity risk |
 //! | IGG-III | [`robust`] | nothing beyond the noise of the rows that are left |
 //! | RMS comparison | [`rms`] | no levels |
+//! | Doppler RAIM | [`doppler`] | as residual RAIM, of the velocity |
 //!
 //! The default path of the product does not go through here: `snapshot.rs` solves, tests and
 //! excludes by itself.
 
 pub mod araim;
+pub mod doppler;
 pub mod residual;
 pub mod rms;
 pub mod robust;
