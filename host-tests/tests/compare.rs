@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 use clap::Parser as _;
 use serde_json::Value;
 use surefix_host_tests::campaign::binomial::clopper_pearson;
-use surefix_host_tests::compare::registry::MONITORS;
+use surefix_host_tests::compare::registry::{MONITORS, Tests};
 use surefix_host_tests::compare::{self, Comparison, report};
 
 /// Of a statement on a rate.
@@ -67,6 +67,10 @@ fn int_147_a_fault_of_60_m_on_a_good_sky_is_seen_by_every_monitor_that_looks_for
         let monitor = comparison.monitors.iter().find(|m| m.name == entry.name);
         let monitor = monitor.unwrap_or_else(|| panic!("{} is missing", entry.name));
         assert!(tables.contains(entry.title), "{}", entry.name);
+        if entry.tests == Tests::RangeRates {
+            assert!(monitor.sweep.is_none(), "{}", entry.name);
+            continue;
+        }
         let [none, fault] = &monitor.sweep.as_ref().unwrap()[..] else {
             panic!("two sizes");
         };
@@ -137,7 +141,7 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
         "--ionosphere",
         "none",
         "--fault",
-        "G07:step:60:30:60",
+        "G07:ramp:4:30:60:rr",
         "--out",
         "unused",
     ]);
@@ -145,18 +149,19 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
         let faulted = monitor.with_fault.as_ref().unwrap();
         let epochs = (monitor.without_fault.epochs, faulted.epochs);
         assert_eq!(epochs, (61, 30), "{}", monitor.name);
-        if monitor.name == compare::product::NAME {
-            assert_eq!(faulted.detected, 30);
-            assert_eq!(faulted.excluded_rightly, 30);
-        }
     }
-    // Least squares moves with the fault, and what excludes it does not.
-    let up = |name: &str| {
+    let of = |name: &str| {
         let monitor = comparison.monitors.iter().find(|m| m.name == name).unwrap();
-        monitor.with_fault.as_ref().unwrap().error_h95_m.unwrap()
+        monitor.with_fault.as_ref().unwrap()
     };
-    assert!(up("none") > up("residual") + 2.0);
-    assert!(up("none") > up(compare::product::NAME) + 2.0);
+    // 116 m at the end; the range rate is off by 4 m/s from the beginning.
+    let product = of(compare::product::NAME);
+    assert!(product.excluded_rightly >= 20, "{product:?}");
+    assert_eq!(of("doppler").excluded_rightly, 30);
+    // Least squares moves with the fault, and what excludes it does not.
+    let horizontal = |name: &str| of(name).error_h95_m.unwrap();
+    assert!(horizontal("none") > horizontal("residual") + 2.0);
+    assert!(horizontal("none") > horizontal(compare::product::NAME) + 2.0);
 }
 
 #[test]
@@ -212,8 +217,10 @@ fn what_is_written_can_be_read_and_is_the_same_again() {
         let columns = columns(csv);
         assert!(columns.iter().all(|n| *n == columns[0]), "{csv}");
     }
-    // Two kinds and three sizes of each, surefix without the sizes.
-    assert_eq!(counts.lines().count(), 1 + 5 * MONITORS.len() + 2);
+    // Two kinds and three sizes of each; surefix, and what tests range rates, without the sizes.
+    let swept = MONITORS.iter().filter(|m| m.tests == Tests::Pseudoranges);
+    let rows = 2 * (MONITORS.len() + 1) + 3 * swept.count();
+    assert_eq!(counts.lines().count(), 1 + rows);
     assert_eq!(epochs.lines().count(), 1 + 61 * (MONITORS.len() + 1));
     assert_eq!(svg.matches("class=\"title\"").count(), 7);
     assert!(svg.ends_with("</svg>\n") && !svg.contains("NaN"));

@@ -5,18 +5,18 @@
 //! metres; at 100 m that changes a row by less than a millimetre.
 
 use anyhow::{Result, anyhow, bail};
-use surefix_core::gnss::SatelliteSet;
 use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::{Satellite, SatelliteSet};
 use surefix_core::integrity::{Phase, PhaseRequirements};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::monitors::MonitorEpoch;
 
 use super::counts::{Counts, Said, Summary};
-use super::registry::{Configured, Entry};
-use super::subject::{Epoch, Subject};
+use super::registry::{Configured, Entry, Tests};
+use super::subject::Subject;
 use super::sweep::Trial;
 use crate::faults::{FaultInjector, FaultSpec};
-use crate::linearised::row_of;
+use crate::linearised::{Linearised, row_of};
 
 /// A monitor of the registry with its counts.
 pub struct Contestant {
@@ -53,11 +53,63 @@ impl Contestant {
     }
 }
 
+/// The rows of an epoch with faults on them.
+struct Faulty {
+    model: Box<LinearModel>,
+    rates: LinearModel,
+    faulted: Faulted,
+}
+
+/// Satellites with a faulty pseudorange, and with a faulty range rate.
+#[derive(Clone, Copy, Debug)]
+pub struct Faulted {
+    /// Of pseudoranges.
+    pub pseudoranges: SatelliteSet,
+    /// Of range rates.
+    pub range_rates: SatelliteSet,
+}
+
+impl Faulted {
+    /// What a monitor that tests these should find.
+    pub const fn of(&self, tests: Tests) -> &SatelliteSet {
+        match tests {
+            Tests::Pseudoranges => &self.pseudoranges,
+            Tests::RangeRates => &self.range_rates,
+        }
+    }
+}
+
+impl Faulty {
+    fn new(epoch: &Linearised, faults: impl Iterator<Item = (Satellite, f64, f64)>) -> Self {
+        let mut faulty = Self {
+            model: epoch.model.clone(),
+            rates: epoch.rates.model.clone(),
+            faulted: Faulted {
+                pseudoranges: SatelliteSet::EMPTY,
+                range_rates: SatelliteSet::EMPTY,
+            },
+        };
+        for (satellite, value_m, rate_mps) in faults {
+            if let Some(row) = row_of(&epoch.rows, satellite) {
+                faulty.model.residual_m[row] += value_m;
+                faulty.faulted.pseudoranges.insert(satellite);
+            }
+            if rate_mps != 0.0
+                && let Some(row) = row_of(&epoch.rates.rows, satellite)
+            {
+                faulty.rates.residual_m[row] += rate_mps;
+                faulty.faulted.range_rates.insert(satellite);
+            }
+        }
+        faulty
+    }
+}
+
 /// The epochs of a recording as they are, with the faults of the command line on some of them.
 #[derive(Clone, Debug)]
 pub struct Series {
     /// Of each epoch, what is faulted.
-    pub faulted: Vec<SatelliteSet>,
+    pub faulted: Vec<Faulted>,
     /// Of each epoch, what each monitor said.
     pub said: Vec<Vec<Said>>,
 }
@@ -70,10 +122,17 @@ impl Series {
         }
     }
 
-    /// Counts of the monitor of a number over the epochs with or without a fault.
-    pub fn counts(&self, monitor: usize, faulted: bool, limits: &PhaseRequirements) -> Summary {
+    /// Counts of the monitor of a number over the epochs with or without a fault of what it tests.
+    pub fn counts(
+        &self,
+        monitor: usize,
+        tests: Tests,
+        faulted: bool,
+        limits: &PhaseRequirements,
+    ) -> Summary {
         let mut counts = Counts::default();
-        for (set, said) in self.faulted.iter().zip(&self.said) {
+        let sets = self.faulted.iter().map(|faulted| faulted.of(tests));
+        for (set, said) in sets.zip(&self.said) {
             if set.is_empty() != faulted
                 && let Some(said) = said.get(monitor)
             {
@@ -101,30 +160,29 @@ pub fn series(
         faulted: Vec::new(),
         said: Vec::new(),
     };
-    for Epoch {
-        linearised,
-        at_enu_m,
-    } in &subject.epochs
-    {
-        let mut model = linearised.model.clone();
-        let mut faulted = SatelliteSet::EMPTY;
-        for (satellite, value_m, _) in injector.values(linearised.t_s()) {
-            let Some(row) = row_of(&linearised.rows, satellite) else {
-                continue;
-            };
-            model.residual_m[row] += value_m;
-            faulted.insert(satellite);
-        }
+    for epoch in &subject.epochs {
+        let linearised = &epoch.linearised;
+        let t_s = linearised.t_s();
+        let faulty = Faulty::new(linearised, injector.values(t_s));
         for (touched, fault) in touched.iter_mut().zip(faults) {
-            let is_active = (fault.t0_s..fault.t1_s).contains(&linearised.t_s());
-            *touched |= is_active && faulted.contains(fault.satellite);
+            let is_active = (fault.t0_s..fault.t1_s).contains(&t_s);
+            *touched |= is_active && faulty.faulted.pseudoranges.contains(fault.satellite);
         }
         let said: Result<Vec<Said>> = contestants
             .iter_mut()
-            .map(|contestant| contestant.says(&model, &linearised.rows, *at_enu_m))
+            .map(|contestant| match contestant.entry.tests {
+                Tests::Pseudoranges => {
+                    contestant.says(&faulty.model, &linearised.rows, epoch.at_enu_m)
+                }
+                Tests::RangeRates => {
+                    // What it estimates is the velocity itself.
+                    let against = epoch.velocity_enu_mps.map(|v| v.map(|v_mps| -v_mps));
+                    contestant.says(&faulty.rates, &linearised.rates.rows, against)
+                }
+            })
             .collect();
         series.said.push(said?);
-        series.faulted.push(faulted);
+        series.faulted.push(faulty.faulted);
         progress();
     }
     if let Some((fault, _)) = faults.iter().zip(touched).find(|(_, touched)| !touched) {
@@ -147,7 +205,8 @@ fn names(subject: &Subject) -> String {
     names.join(" ")
 }
 
-/// Runs every trial with a fault of each size; by size, then by monitor.
+/// Runs every trial with a fault of each size; by size, then by monitor. A monitor of range rates has
+/// no part in it.
 ///
 /// # Errors
 /// None that a recording can cause.
@@ -163,22 +222,20 @@ pub fn sweep(
     for size_m in sizes_m {
         let mut counts = vec![Counts::default(); contestants.len()];
         for trial in trials {
-            let Epoch {
-                linearised,
-                at_enu_m,
-            } = &subject.epochs[trial.epoch];
-            let mut model = linearised.model.clone();
-            let mut faulted = SatelliteSet::EMPTY;
-            for (row, sign) in &trial.rows {
-                model.residual_m[*row] += sign * size_m;
+            let epoch = &subject.epochs[trial.epoch];
+            let rows = &epoch.linearised.rows;
+            let faults = trial
+                .rows
+                .iter()
                 // A fault of no size is none.
-                if *size_m > 0.0 {
-                    faulted.insert(linearised.rows[*row].satellite);
-                }
-            }
+                .filter(|_| *size_m > 0.0)
+                .map(|(row, sign)| (rows[*row].satellite, sign * size_m, 0.0));
+            let faulty = Faulty::new(&epoch.linearised, faults);
             for (contestant, counts) in contestants.iter_mut().zip(&mut counts) {
-                let said = contestant.says(&model, &linearised.rows, *at_enu_m)?;
-                counts.book(&said, &faulted, limits);
+                if contestant.entry.tests == Tests::Pseudoranges {
+                    let said = contestant.says(&faulty.model, rows, epoch.at_enu_m)?;
+                    counts.book(&said, &faulty.faulted.pseudoranges, limits);
+                }
             }
             progress();
         }

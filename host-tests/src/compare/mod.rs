@@ -32,6 +32,7 @@ use crate::truth::TruthArguments;
 use counts::Summary;
 use experiment::{Contestant, Series};
 use instructions::{Bench, Instructions};
+use registry::Tests;
 use subject::{Place, Subject};
 use sweep::Sizes;
 
@@ -123,6 +124,9 @@ pub struct MonitorResult {
     pub name: &'static str,
     /// In tables.
     pub title: &'static str,
+    /// What it tests.
+    #[serde(skip)]
+    pub tests: Tests,
     /// Memory, bytes; not of surefix itself, which is more than this test.
     pub memory_b: Option<usize>,
     /// Most satellites it takes; of more the highest.
@@ -289,15 +293,17 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
             MonitorResult {
                 name: entry.name,
                 title: entry.title,
+                tests: entry.tests,
                 memory_b: Some(contestant.memory_b),
                 most_satellites: entry.most_satellites,
                 p_false_alert: (entry.p_false_alert)(&limits),
                 instructions: measured(entry.work),
                 instructions_with_fault: measured(&instructions::with_fault(entry.work)),
-                without_fault: series.counts(k, false, &limits),
-                with_fault: any_fault.then(|| series.counts(k, true, &limits)),
+                without_fault: series.counts(k, entry.tests, false, &limits),
+                with_fault: any_fault.then(|| series.counts(k, entry.tests, true, &limits)),
                 sweep: by_size
                     .as_ref()
+                    .filter(|_| entry.tests == Tests::Pseudoranges)
                     .map(|sizes| sizes.iter().map(|size| size[k].clone()).collect()),
             }
         })
@@ -308,13 +314,14 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
         monitors.push(MonitorResult {
             name: product::NAME,
             title: product.title,
+            tests: Tests::Pseudoranges,
             memory_b: None,
             most_satellites: MAX_SATELLITES,
             p_false_alert: None,
             instructions: None,
             instructions_with_fault: None,
-            without_fault: series.counts(k, false, &limits),
-            with_fault: any_fault.then(|| series.counts(k, true, &limits)),
+            without_fault: series.counts(k, Tests::Pseudoranges, false, &limits),
+            with_fault: any_fault.then(|| series.counts(k, Tests::Pseudoranges, true, &limits)),
             sweep: None,
         });
     }

@@ -14,6 +14,7 @@ use surefix_core::raim::foim::GDOP_LIMIT;
 use surefix_core::raim::igg3::Igg3Config;
 use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
 use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
+use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
@@ -41,12 +42,23 @@ pub struct Made {
     pub memory_b: usize,
 }
 
+/// What a monitor tests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tests {
+    /// Pseudoranges, and the position by them.
+    Pseudoranges,
+    /// Range rates, and the velocity by them: a fault is one with `rr`, and m are m/s. No part of a sweep.
+    RangeRates,
+}
+
 /// A monitor.
 pub struct Entry {
     /// On the command line and in files.
     pub name: &'static str,
     /// In tables.
     pub title: &'static str,
+    /// What it tests.
+    pub tests: Tests,
     /// Probability of an alert at a healthy epoch that it is configured for; `None` where it states none.
     pub p_false_alert: fn(&PhaseRequirements) -> Option<f64>,
     /// Whether it tests for faults at all.
@@ -88,6 +100,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "none",
         title: "least squares, no monitor",
+        tests: Tests::Pseudoranges,
         p_false_alert: |_| Some(0.0),
         looks_for_faults: false,
         excludes: 0,
@@ -104,28 +117,19 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "residual",
         title: "residual RAIM",
+        tests: Tests::Pseudoranges,
         p_false_alert: |phase| Some(phase.p_fa),
         looks_for_faults: true,
         excludes: MAX_FAULTS,
         has_levels: true,
-        make: |phase| {
-            let phase = phase.requirements();
-            made(
-                ResidualMonitor::EMPTY,
-                &ResidualConfig {
-                    p_false_alarm: phase.p_fa,
-                    p_missed_detection: phase.p_md,
-                    p_fault_free: phase.p_fault_free,
-                    max_faults: MAX_FAULTS,
-                },
-            )
-        },
+        make: |phase| made(ResidualMonitor::EMPTY, &residual(phase)),
         work: "monitor/residual",
         most_satellites: MAX_SATELLITES,
     },
     Entry {
         name: "rms",
         title: "RMS comparison",
+        tests: Tests::Pseudoranges,
         p_false_alert: |phase| Some(phase.p_fa),
         looks_for_faults: true,
         excludes: 1,
@@ -145,6 +149,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "igg3",
         title: "IGG-III, reconstructed levels",
+        tests: Tests::Pseudoranges,
         // The weights take out what lies beyond five sigmas of a residual, and healthy rows of large leverage.
         p_false_alert: |_| None,
         looks_for_faults: true,
@@ -165,6 +170,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "araim",
         title: "ARAIM",
+        tests: Tests::Pseudoranges,
         p_false_alert: |_| {
             let p = AraimParameters::LPV_200;
             Some(p.p_false_alert_vertical + p.p_false_alert_horizontal)
@@ -188,6 +194,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "vpl_mhss",
         title: "VPL separation",
+        tests: Tests::Pseudoranges,
         p_false_alert: |phase| Some(phase.p_fa),
         looks_for_faults: true,
         excludes: 1,
@@ -207,6 +214,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "ranco",
         title: "RANCO",
+        tests: Tests::Pseudoranges,
         p_false_alert: |phase| Some(phase.p_fa),
         looks_for_faults: true,
         excludes: MAX_FAULTS,
@@ -218,6 +226,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "s_ranco",
         title: "S-RANCO",
+        tests: Tests::Pseudoranges,
         p_false_alert: |phase| Some(phase.p_fa),
         looks_for_faults: true,
         excludes: MAX_FAULTS,
@@ -229,6 +238,7 @@ pub const MONITORS: &[Entry] = &[
     Entry {
         name: "foim",
         title: "FOIM",
+        tests: Tests::Pseudoranges,
         p_false_alert: |phase| Some(phase.p_fa),
         looks_for_faults: true,
         excludes: MAX_FAULTS,
@@ -238,6 +248,26 @@ pub const MONITORS: &[Entry] = &[
             consensus(phase, ConsensusRule::Foim { gdop_limit })
         },
         work: "monitor/foim",
+        most_satellites: MAX_SATELLITES,
+    },
+    Entry {
+        name: "doppler",
+        title: "Doppler RAIM, m/s",
+        tests: Tests::RangeRates,
+        p_false_alert: |phase| Some(phase.p_fa),
+        looks_for_faults: true,
+        excludes: MAX_FAULTS,
+        has_levels: true,
+        make: |phase| {
+            made(
+                DopplerMonitor::EMPTY,
+                &DopplerConfig {
+                    test: residual(phase),
+                    ..DopplerConfig::FREE_SKY
+                },
+            )
+        },
+        work: "monitor/doppler",
         most_satellites: MAX_SATELLITES,
     },
 ];
@@ -271,6 +301,16 @@ fn made<M: EpochMonitor + 'static>(empty: M, config: &M::Config) -> Result<Made>
         monitor,
         memory_b: size_of::<M>(),
     })
+}
+
+fn residual(phase: Phase) -> ResidualConfig {
+    let phase = phase.requirements();
+    ResidualConfig {
+        p_false_alarm: phase.p_fa,
+        p_missed_detection: phase.p_md,
+        p_fault_free: phase.p_fault_free,
+        max_faults: MAX_FAULTS,
+    }
 }
 
 fn consensus(phase: Phase, rule: ConsensusRule) -> Result<Made> {

@@ -8,6 +8,7 @@ use surefix_core::gnss::SatelliteSet;
 
 use super::counts::{CONFIDENCE, LevelSummary, Summary, horizontal_vertical};
 use super::instructions::Instructions;
+use super::registry::Tests;
 use super::{Comparison, MonitorResult, Plan};
 use crate::campaign::binomial::percent;
 use crate::campaign::figure::{self, Curve, Panel};
@@ -224,7 +225,12 @@ fn levels(monitors: &[MonitorResult]) -> String {
             .join(", ")
     };
     let row = |monitor: &MonitorResult, kind: &str, s: &Summary| {
+        // An alert limit is one of a position.
+        let is_of_position = monitor.tests == Tests::Pseudoranges;
         let diagram = |parts: &[u64; 5]| {
+            if !is_of_position {
+                return "-".to_owned();
+            }
             let [normal, unavailable, rest @ ..] = parts;
             format!("{normal}, {unavailable}, {}", rest.iter().sum::<u64>())
         };
@@ -420,6 +426,7 @@ fn epochs_csv(comparison: &Comparison) -> String {
     let epochs = comparison.t_s.iter().zip(&series.faulted).zip(&series.said);
     for ((t_s, faulted), said) in epochs {
         for (monitor, said) in comparison.monitors.iter().zip(said) {
+            let faulted = faulted.of(monitor.tests);
             let levels = said.levels.ok();
             let error = said.error_enu_m.map(horizontal_vertical);
             let _ = writeln!(
@@ -485,6 +492,7 @@ pub fn picture(comparison: &Comparison) -> String {
             .monitors
             .iter()
             .enumerate()
+            .filter(|(_, monitor)| monitor.tests == Tests::Pseudoranges)
             .map(|(number, monitor)| Curve {
                 name: monitor.title.to_owned(),
                 ..curve(number, Vec::new())
@@ -533,6 +541,7 @@ fn along(
     let together = comparison.t_s.len().div_ceil(MAX_POINTS).max(1);
     let monitors = comparison.monitors.iter().enumerate();
     monitors
+        .filter(|(_, monitor)| monitor.tests == Tests::Pseudoranges)
         .filter_map(|(number, _)| {
             let epochs = comparison.t_s.chunks(together);
             let points: Vec<(f64, f64)> = epochs

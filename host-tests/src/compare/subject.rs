@@ -63,6 +63,8 @@ pub struct Epoch {
     pub linearised: Linearised,
     /// Error of the point of linearisation, east, north, up, m.
     pub at_enu_m: Option<[f64; 3]>,
+    /// True velocity east, north, up, m/s.
+    pub velocity_enu_mps: Option<[f64; 3]>,
 }
 
 /// A recording, linearised.
@@ -131,13 +133,14 @@ impl Subject {
         if let Some(seed) = noise_seed {
             add_noise(&mut linearised, seed);
         }
-        let at_truth = |epoch: &Linearised| truth.as_ref().and_then(|t| epoch.error_enu_m(t));
+        let known = truth.as_ref();
         Ok(Self {
             name: file_name(&place.gnss)?,
             epochs: linearised
                 .into_iter()
                 .map(|linearised| Epoch {
-                    at_enu_m: at_truth(&linearised),
+                    at_enu_m: known.and_then(|truth| linearised.error_enu_m(truth)),
+                    velocity_enu_mps: known.and_then(|t| linearised.true_velocity_enu_mps(t)),
                     linearised,
                 })
                 .collect(),

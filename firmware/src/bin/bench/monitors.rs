@@ -1,5 +1,6 @@
 //! What is measured of the monitors of one epoch behind their common face: the same skies for each, without a
-//! fault and with one, from the rows to the verdict with its exclusion and its levels.
+//! fault and with one, from the rows to the verdict with its exclusion and its levels. Doppler RAIM, whose rows have one
+//! clock, is given these as well.
 
 use super::measure::{RUNS, Row, require};
 use super::sky::{Random, model};
@@ -16,6 +17,7 @@ use surefix_core::raim::foim::GDOP_LIMIT;
 use surefix_core::raim::igg3::Igg3Config;
 use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
 use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
+use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
@@ -24,7 +26,7 @@ use surefix_core::raim::monitors::{EpochMonitor, MonitorEpoch, Outcome};
 use surefix_core::raim::reconstructed::LevelConvention;
 
 /// Satellites and constellations.
-const SKIES: [(usize, usize); 3] = [(8, 1), (12, 2), (24, 2)];
+const SKIES: [(usize, usize); 4] = [(8, 1), (12, 2), (18, 2), (24, 2)];
 /// On the last row, m.
 const FAULT_M: f64 = 60.0;
 
@@ -79,6 +81,8 @@ pub fn all() {
     static ROBUST_MONITOR: ConstStaticCell<RobustMonitor> =
         ConstStaticCell::new(RobustMonitor::EMPTY);
     static ARAIM_MONITOR: ConstStaticCell<AraimMonitor> = ConstStaticCell::new(AraimMonitor::EMPTY);
+    static DOPPLER_MONITOR: ConstStaticCell<DopplerMonitor> =
+        ConstStaticCell::new(DopplerMonitor::EMPTY);
     static VPL_MONITOR: ConstStaticCell<VplMonitor> = ConstStaticCell::new(VplMonitor::EMPTY);
     static CONSENSUS_MONITOR: ConstStaticCell<ConsensusMonitor> =
         ConstStaticCell::new(ConsensusMonitor::EMPTY);
@@ -93,6 +97,8 @@ pub fn all() {
     measured(ROBUST_MONITOR.take(), &ROBUST, robust);
     let araim = ["monitor/araim", "monitor/araim/fault"];
     measured(ARAIM_MONITOR.take(), &ARAIM, araim);
+    let doppler = ["monitor/doppler", "monitor/doppler/fault"];
+    measured(DOPPLER_MONITOR.take(), &DopplerConfig::FREE_SKY, doppler);
     let vpl = ["monitor/vpl_mhss", "monitor/vpl_mhss/fault"];
     measured(VPL_MONITOR.take(), &VplConfig::PRESET, vpl);
     let monitor = CONSENSUS_MONITOR.take();

@@ -2,13 +2,14 @@
 
 use crate::call::{call1, call2, call3};
 use core::hint::black_box;
-use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::solution::{RangeRates, SnapshotWorkspace, UsedRow};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::araim::AraimParameters;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
 use surefix_core::raim::exclusion::RowSet;
 use surefix_core::raim::igg3::{self, Igg3Config, Igg3Workspace};
 use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
@@ -46,6 +47,14 @@ pub fn all() {
         max_faults: 3,
     };
     monitor(&mut residual, &config, &epoch);
+
+    let mut doppler = DopplerMonitor::EMPTY;
+    monitor(&mut doppler, &DopplerConfig::FREE_SKY, &epoch);
+    let workspace = SnapshotWorkspace::EMPTY;
+    call2(DopplerMonitor::assess_velocity, &mut doppler, &workspace);
+    call2(DopplerMonitor::satellites, &doppler, RowSet::EMPTY.with(1));
+    let mut rates = RangeRates::EMPTY;
+    call2(SnapshotWorkspace::range_rates, &workspace, &mut rates);
 
     let mut araim = AraimMonitor::EMPTY;
     let rate = FaultRate::from_rate(black_box(1e-8), black_box(3600.0));

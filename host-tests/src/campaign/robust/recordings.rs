@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use surefix_core::config::Config;
 use surefix_core::gnss::satellite::SystemSet;
-use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::solution::{RangeRates, UsedRow};
 use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
 
@@ -24,6 +24,10 @@ pub struct Prepared {
     pub rows: Vec<UsedRow>,
     /// Error of the point of linearisation, east, north, up, m.
     pub at_enu_m: [f64; 3],
+    /// True velocity east, north, up, m/s, where the truth goes on around the epoch.
+    pub velocity_enu_mps: Option<[f64; 3]>,
+    /// Range rates of the same satellites, taken at rest, m/s.
+    pub rates: Box<RangeRates>,
 }
 
 impl Prepared {
@@ -44,41 +48,63 @@ pub struct Subject {
 }
 
 /// Where a recording is and what it is.
-struct Place {
-    name: &'static str,
-    about: &'static str,
+#[derive(Clone, Copy)]
+pub struct Place {
+    /// In the tables.
+    pub name: &'static str,
+    /// What it is, in words.
+    pub about: &'static str,
     gnss: &'static str,
     nav: &'static [&'static str],
-    systems: [System; 2],
+    truth: PlaceTruth,
+    /// Constellations to use.
+    pub systems: [System; 2],
     /// Errors of the model's independent sigma are added: a simulator's pseudoranges have none.
     add_noise: bool,
 }
 
-const ESBC: Place = Place {
+/// Where the antenna was.
+#[derive(Clone, Copy)]
+enum PlaceTruth {
+    /// As the header of the observations says.
+    Header,
+    /// A file with latitude, longitude and height.
+    Point(&'static str),
+    /// A file with a track.
+    Track(&'static str),
+}
+
+/// A day at Esbjerg.
+pub const ESBC: Place = Place {
     name: "esbc",
     about: "static, 24 h, one epoch in 30 s, GPS and BDS",
     gnss: "esbc-2020-177/ESBC00DNK_R_20201770000_01D_30S_MO.crx.gz",
     nav: &["esbc-2020-177/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"],
+    truth: PlaceTruth::Header,
     systems: [System::Gps, System::Bds],
     add_noise: false,
 };
 
-const ESBC_FOUR_HOURS: Place = Place {
+/// Four hours of it.
+pub const ESBC_FOUR_HOURS: Place = Place {
     about: "static, 4 h, one epoch in 30 s, GPS and BDS",
     gnss: "esbc-2020-177/ESBC_2020177_0000-0400.rnx",
     ..ESBC
 };
 
-const NAGOYA: Place = Place {
+/// Five minutes of a receiver at Nagoya.
+pub const NAGOYA: Place = Place {
     name: "nagoya",
     about: "static, 5 min, 1 Hz, GPS and BDS",
     gnss: "matrtklib-static-2024/rover.obs",
     nav: &["matrtklib-static-2024/base.nav"],
+    truth: PlaceTruth::Point("matrtklib-static-2024/rover_position.txt"),
     systems: [System::Gps, System::Bds],
     add_noise: false,
 };
 
-const FLIGHT: Place = Place {
+/// Ten minutes of a simulator's flight.
+pub const FLIGHT: Place = Place {
     name: "spirent",
     about: "simulated flight, 10 min, 1 Hz, GPS and Galileo, noise of one sigma added",
     gnss: "instinct-spirent-dynamic-10min/iono-Klob_tropo-Saast/Rover-dynamic_MO_Spirent.obs",
@@ -86,8 +112,20 @@ const FLIGHT: Place = Place {
         "instinct-spirent-dynamic-10min/RINEX_GN_Spirent.23N",
         "instinct-spirent-dynamic-10min/RINEX_EN_Spirent.23L",
     ],
+    truth: PlaceTruth::Track("instinct-spirent-dynamic-10min/Rover-dynamic_PVA_Spirent.csv"),
     systems: [System::Gps, System::Galileo],
     add_noise: true,
+};
+
+/// A walk of two minutes among buildings and trees.
+pub const WALK: Place = Place {
+    name: "walk",
+    about: "on foot among obstructions, 134 s, 4 Hz, GPS and Galileo",
+    gnss: "walk0827-x20p-imu/derived_convbin.obs",
+    nav: &["walk0827-x20p-imu/derived_convbin.nav"],
+    truth: PlaceTruth::Track("walk0827-x20p-imu/gnss_1730.ubx"),
+    systems: [System::Gps, System::Galileo],
+    add_noise: false,
 };
 
 /// The recordings in a folder; `short` takes four hours of the day.
@@ -95,41 +133,49 @@ const FLIGHT: Place = Place {
 /// # Errors
 /// When one is absent or unusable.
 pub fn subjects(data: &Path, config: &Config, seed: u64, short: bool) -> Result<Vec<Subject>> {
-    let static_truth = |folder: &Path| -> Result<Truth> {
-        let path = folder.join("matrtklib-static-2024/rover_position.txt");
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("cannot read {}", path.display()))?;
-        let numbers: Vec<f64> = text
-            .split_whitespace()
-            .filter_map(|word| word.parse().ok())
-            .collect();
-        match numbers[..] {
-            [lat_deg, lon_deg, height_m] => Ok(Truth::fixed_llh(
-                [lat_deg, lon_deg, height_m],
-                path.display().to_string(),
-            )),
-            _ => bail!(
-                "{} does not hold latitude, longitude and height",
-                path.display()
-            ),
-        }
-    };
     let esbc = if short { ESBC_FOUR_HOURS } else { ESBC };
-    let track = data.join("instinct-spirent-dynamic-10min/Rover-dynamic_PVA_Spirent.csv");
-    Ok(vec![
-        read(data, &esbc, config, None, seed)?,
-        read(data, &NAGOYA, config, Some(static_truth(data)?), seed)?,
-        read(data, &FLIGHT, config, Some(Truth::read(&track)?), seed)?,
-    ])
+    [esbc, NAGOYA, FLIGHT]
+        .iter()
+        .map(|place| read(data, place, config, seed))
+        .collect()
 }
 
-fn read(
-    data: &Path,
-    place: &Place,
-    config: &Config,
-    truth: Option<Truth>,
-    seed: u64,
-) -> Result<Subject> {
+impl Place {
+    /// `None` where the header of the observations has to say it.
+    fn truth(&self, data: &Path) -> Result<Option<Truth>> {
+        match self.truth {
+            PlaceTruth::Header => Ok(None),
+            PlaceTruth::Track(file) => Truth::read(&data.join(file)).map(Some),
+            PlaceTruth::Point(file) => point(&data.join(file)).map(Some),
+        }
+    }
+}
+
+/// An antenna that stands where a file says.
+fn point(path: &Path) -> Result<Truth> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let numbers: Vec<f64> = text
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    match numbers[..] {
+        [lat_deg, lon_deg, height_m] => Ok(Truth::fixed_llh(
+            [lat_deg, lon_deg, height_m],
+            path.display().to_string(),
+        )),
+        _ => bail!(
+            "{} does not hold latitude, longitude and height",
+            path.display()
+        ),
+    }
+}
+
+/// The epochs of one recording, of the constellations of the place.
+///
+/// # Errors
+/// When it is absent or unusable.
+pub fn read(data: &Path, place: &Place, config: &Config, seed: u64) -> Result<Subject> {
     let mut config = *config;
     config.systems = place
         .systems
@@ -143,7 +189,7 @@ fn read(
             data.display()
         )
     })?;
-    let truth = match (truth, &recording.info.station) {
+    let truth = match (place.truth(data)?, &recording.info.station) {
         (Some(truth), _) => truth,
         (None, Some((r_e_m, source))) => Truth::fixed(*r_e_m, source.clone()),
         (None, None) => bail!("{} states no position of its antenna", place.gnss),
@@ -183,8 +229,12 @@ fn read(
 /// With the sigmas of the whole error, as [P3] (3) adds them up.
 fn prepare(linearised: Linearised, truth: &Truth) -> Option<Prepared> {
     let at_enu_m = linearised.error_enu_m(truth)?;
+    let velocity_enu_mps = linearised.true_velocity_enu_mps(truth);
     let Linearised {
-        mut model, rows, ..
+        mut model,
+        rows,
+        rates,
+        ..
     } = linearised;
     for (sigma_m, row) in model.sigma_m.iter_mut().zip(&rows) {
         *sigma_m = row.sigma.total_m();
@@ -193,5 +243,7 @@ fn prepare(linearised: Linearised, truth: &Truth) -> Option<Prepared> {
         model,
         rows,
         at_enu_m,
+        velocity_enu_mps,
+        rates,
     })
 }
