@@ -97,7 +97,7 @@ fn int_147_a_fault_of_60_m_on_a_good_sky_is_seen_by_every_monitor_that_looks_for
 fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_without_a_fault() {
     let folder = sky(
         "compare-healthy",
-        &["--duration", "600", "--rate-hz", "2", "--noise-free"],
+        &["--duration", "300", "--rate-hz", "2", "--noise-free"],
     );
     let comparison = compared(&[
         "--gnss",
@@ -113,7 +113,7 @@ fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_withou
     for monitor in &comparison.monitors {
         let name = monitor.name;
         let s = &monitor.without_fault;
-        assert_eq!(s.epochs, 1201, "{name}");
+        assert_eq!(s.epochs, 601, "{name}");
         assert_eq!(s.above_level, 0, "{name}");
         if let Some(stated) = monitor.p_false_alert {
             let [at_least, _] = clopper_pearson(s.detected, s.epochs, CONFIDENCE);
