@@ -300,6 +300,16 @@ impl VplSeparation {
         Some(if margin_m < 0.0 { 0.0 } else { margin_m })
     }
 
+    /// k_v.
+    pub fn k_vertical(&self) -> f64 {
+        self.factors.k_vertical
+    }
+
+    /// Spread of the height of all satellites, m.
+    pub fn sigma_up_m(&self) -> f64 {
+        libm::sqrt(self.covariance_enu_m2.m33)
+    }
+
     /// Vertical level of the set without each row, m; infinite where it has none.
     pub fn levels_without_m(&self) -> impl Iterator<Item = f64> + '_ {
         self.rows().iter().map(|row| {
