@@ -35,6 +35,8 @@ mod robust;
 #[cfg(target_os = "none")]
 mod sensors;
 #[cfg(target_os = "none")]
+mod separation;
+#[cfg(target_os = "none")]
 mod sky;
 #[cfg(target_os = "none")]
 mod stages;
@@ -59,6 +61,7 @@ fn main() -> ! {
     araim::all();
     sensors::all();
     robust::all();
+    separation::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

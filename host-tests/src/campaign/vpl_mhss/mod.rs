@@ -18,7 +18,6 @@ use anyhow::Result;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
-use surefix_core::consts::MAX_SATELLITES;
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::RaimError;
 use surefix_core::raim::monitors::vpl_mhss::VplConfig;
@@ -41,7 +40,7 @@ const HEALTHY_DRAWS: u64 = 50;
 /// The probability that acceptance of a false exclusion is stated with.
 pub const P_ACCEPTED: f64 = 1e-3;
 /// Latitudes and longitudes of the world's grid are so far apart, degrees.
-const GRID_DEG: i32 = 10;
+const GRID_DEG: usize = 10;
 
 /// How often a rule leaves out which satellite.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -145,10 +144,12 @@ pub struct Healthy {
 pub struct LevelRow {
     /// Where.
     pub place: &'static str,
+    /// How sigma depends on elevation.
+    pub law: &'static str,
     /// What is called level.
     pub kind: &'static str,
-    /// Over place and time.
-    pub levels: Levels,
+    /// By mask of [`MASKS_DEG`], over place and time, for a sigma of 1 m at the zenith.
+    pub levels: [Levels; 2],
 }
 
 /// A sky above a mask.
@@ -168,8 +169,6 @@ pub struct SkyResult {
     pub sizes: Vec<SizePoint>,
     /// By probability of a false alarm.
     pub healthy: Vec<Healthy>,
-    /// Figure 7.
-    pub levels: Vec<LevelRow>,
 }
 
 /// Result of the campaign.
@@ -185,6 +184,8 @@ pub struct VplResult {
     pub sigma_m: f64,
     /// By sky and mask.
     pub skies: Vec<SkyResult>,
+    /// Figure 7, on the broadcast sky.
+    pub levels: Vec<LevelRow>,
 }
 
 /// How much of the experiment is run.
@@ -232,7 +233,6 @@ pub fn assess(sky: &GpsSky, mask_deg: f64, extent: &Extent) -> SkyResult {
         healthy: [P_ACCEPTED, VplConfig::PRESET.p_false_alarm]
             .map(|p| healthy(&models, p, extent.trials, &mut random))
             .to_vec(),
-        levels: levels(sky, mask_deg, extent.step_s, &mut random),
     }
 }
 
@@ -309,68 +309,78 @@ fn healthy(
 
 /// What can be called the vertical level of an epoch without a fault.
 const KINDS: [&str; 3] = [
-    "k_v σ_v of all satellites",
+    "k_v σ_v of all",
     "largest over one left out, no errors",
     "largest over one left out, errors of one sigma",
 ];
 
-fn levels(sky: &GpsSky, mask_deg: f64, step_s: i64, random: &mut ChaCha8Rng) -> Vec<LevelRow> {
+/// How a sigma may depend on elevation: its exponent of 1/sin E.
+const LAWS: [(&str, i32); 2] = [("constant", 0), ("1/sin E", 1)];
+
+/// Levels without a fault by place, law and kind.
+pub fn levels(sky: &GpsSky, extent: &Extent) -> Vec<LevelRow> {
     let mut separation = separation(VplConfig::PRESET.p_false_alarm);
+    let mut random = ChaCha8Rng::seed_from_u64(extent.seed);
     let mut rows = Vec::new();
     let [_, _, height_m] = PLACE;
     let world: Vec<Place> = (-80..=80)
-        .step_by(GRID_DEG as usize)
+        .step_by(GRID_DEG)
         .flat_map(|latitude| {
             (-180..180)
-                .step_by(GRID_DEG as usize)
+                .step_by(GRID_DEG)
                 .map(move |longitude| [f64::from(latitude), f64::from(longitude), height_m])
         })
         .collect();
     // The world is large enough to look less often.
-    for (name, places, step_s) in [
-        ("place of [P4]", &[PLACE][..], step_s),
-        ("world", &world[..], 10 * step_s),
+    for (place, places, step_s) in [
+        ("place of [P4]", &[PLACE][..], extent.step_s),
+        ("world", &world[..], 10 * extent.step_s),
     ] {
-        let mut levels = [Levels::default(); KINDS.len()];
-        for place in places {
-            let weight = libm::cos(place[0].to_radians());
-            for since_s in (0..DURATION_S).step_by(step_s as usize) {
-                let model = sky.model(since_s, *place, mask_deg, SIGMA_M);
-                let found = kinds_m(&model, &mut separation, random);
-                for (levels, level_m) in levels.iter_mut().zip(found) {
-                    levels.book(level_m, weight);
+        for (law, exponent) in LAWS {
+            let mut levels = [[Levels::default(); 2]; KINDS.len()];
+            for at in places {
+                // Parallels are shorter towards the poles.
+                let weight = libm::cos(at[0].to_radians());
+                for since_s in (0..DURATION_S).step_by(step_s as usize) {
+                    for (mask, mask_deg) in MASKS_DEG.into_iter().enumerate() {
+                        let mut model = sky.model(since_s, *at, mask_deg, 1.0);
+                        for (sigma_m, row) in model.sigma_m.iter_mut().zip(&model.design) {
+                            if row[2] < 0.0 {
+                                *sigma_m = (-row[2]).powi(-exponent);
+                            }
+                        }
+                        let found = kinds_m(model, &mut separation, &mut random);
+                        for (levels, level_m) in levels.iter_mut().zip(found) {
+                            levels[mask].book(level_m, weight);
+                        }
+                    }
                 }
             }
+            rows.extend(KINDS.iter().zip(levels).map(|(kind, levels)| LevelRow {
+                place,
+                law,
+                kind,
+                levels,
+            }));
         }
-        rows.extend(KINDS.iter().zip(levels).map(|(kind, levels)| LevelRow {
-            place: name,
-            kind,
-            levels,
-        }));
     }
     rows
 }
 
 /// Levels of the kinds of [`KINDS`]; NaN where there is none.
 fn kinds_m(
-    geometry: &LinearModel,
+    mut model: LinearModel,
     separation: &mut VplSeparation,
     random: &mut ChaCha8Rng,
 ) -> [f64; KINDS.len()] {
-    let mut model = geometry.clone();
-    model.residual_m = [0.0; MAX_SATELLITES];
     let level_m = |test: Result<VplTest, RaimError>| match test {
         Ok(test) if test.untestable.is_none() => test.vpl_m,
         _ => f64::NAN,
     };
     let without_errors_m = level_m(separation.test(&model));
-    let sigma_up_m = separation.sigma_up_m();
+    let alone_m = separation.k_vertical() * separation.sigma_up_m();
     draw(&mut model, random);
-    [
-        separation.k_vertical() * sigma_up_m,
-        without_errors_m,
-        level_m(separation.test(&model)),
-    ]
+    [alone_m, without_errors_m, level_m(separation.test(&model))]
 }
 
 /// Runs the campaign on the simulator's sky and on that of a day; writes its result and beside it tables
@@ -394,6 +404,7 @@ pub fn run(data: &Path, trials: u64, seed: u64, out: &Path) -> Result<()> {
             .iter()
             .flat_map(|sky| MASKS_DEG.map(|mask_deg| assess(sky, mask_deg, &extent)))
             .collect(),
+        levels: levels(&skies[0], &extent),
     };
     super::write_result(
         out,

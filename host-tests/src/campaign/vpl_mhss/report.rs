@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use super::{SIGMA_M, SizePoint, SkyResult, VplResult};
+use super::{LevelRow, SIGMA_M, SizePoint, SkyResult, VplResult};
 use crate::campaign::binomial::percent;
 use crate::campaign::figure::{self, Curve, Panel};
 
@@ -10,6 +10,9 @@ use crate::campaign::figure::{self, Curve, Panel};
 const SHOWN_M: [f64; 12] = [
     0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 25.0, 30.0, 40.0,
 ];
+
+/// Mean of figure 7 of [P4] at a mask of 5°, m.
+const FIGURE_7_MEAN_M: f64 = 18.87;
 
 /// Tables in Markdown.
 pub fn tables(result: &VplResult) -> String {
@@ -29,8 +32,8 @@ pub fn tables(result: &VplResult) -> String {
         );
         sizes(sky, &mut text);
         healthy(sky, &mut text);
-        levels(sky, &mut text);
     }
+    levels(&result.levels, &mut text);
     text
 }
 
@@ -62,7 +65,7 @@ fn sizes(sky: &SkyResult, text: &mut String) {
 }
 
 fn healthy(sky: &SkyResult, text: &mut String) {
-    *text += "| healthy epochs | asked for | alarms | satellite out | as printed: satellite out |\n|---|---|---|---|---|\n";
+    *text += "| healthy epochs | alarms asked for | alarms, % (99 %) | satellite out, % (99 %) | as printed: satellite out |\n|---|---|---|---|---|\n";
     for row in &sky.healthy {
         let percent = |events| percent(events, row.epochs, 0.99);
         let _ = writeln!(
@@ -78,17 +81,25 @@ fn healthy(sky: &SkyResult, text: &mut String) {
     text.push('\n');
 }
 
-fn levels(sky: &SkyResult, text: &mut String) {
-    *text += "| VPL without a fault, m | where | least | most | mean |\n|---|---|---|---|---|\n";
-    for row in &sky.levels {
+fn levels(rows: &[LevelRow], text: &mut String) {
+    let _ = writeln!(
+        text,
+        "### Levels without a fault\n\nBroadcast sky, six hours. Each row is scaled to the printed mean at 5°, {FIGURE_7_MEAN_M} m, which takes the sigma at the zenith that it tells.\n\n| VPL, m: least, mean, most | where | sigma | at the zenith, m | mask 5° | mask 10° |\n|---|---|---|---|---|---|\n| [P4] figure 7 | world | | | 11.6, 18.9, 32.7 | 11.4, 21.3, 36.3 |"
+    );
+    for row in rows {
+        let scale = FIGURE_7_MEAN_M / row.levels[0].mean_m();
+        let cells = row.levels.map(|levels| {
+            [levels.least_m, levels.mean_m(), levels.most_m]
+                .map(|level_m| format!("{:.1}", scale * level_m))
+                .join(", ")
+        });
         let _ = writeln!(
             text,
-            "| {} | {} | {:.1} | {:.1} | {:.1} |",
+            "| {} | {} | {} | {scale:.2} | {} |",
             row.kind,
             row.place,
-            row.levels.least_m,
-            row.levels.most_m,
-            row.levels.mean_m(),
+            row.law,
+            cells.join(" | "),
         );
     }
     text.push('\n');
