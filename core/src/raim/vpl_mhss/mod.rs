@@ -33,7 +33,7 @@
 //!
 //! Assumes: errors independent between satellites, sigmas that bound them, one faulty satellite. Sees only
 //! what moves the height: a fault without leverage on it is neither detected nor of consequence there.
-//! Cost: N²/2 pairs, each one division, one root and some 40 operations.
+//! Cost: N²/2 pairs, each one division and some 50 operations, and a root where a level grows.
 
 mod factors;
 mod leave_out;
@@ -274,7 +274,7 @@ impl VplSeparation {
         let sigma_m = libm::sqrt(row.variance_m2);
         let (remaining_m, separation_sigma_m) = if out == worst {
             (
-                lacking.largest_sigma_m,
+                libm::sqrt(lacking.largest_variance_m2),
                 lacking.alone().separation_sigma_m(),
             )
         } else {

@@ -99,5 +99,12 @@ fn by_inverse(directions: &[[f64; 3]; 4]) -> Option<f64> {
         let row = Vector4::new(*east, *north, *up, 1.0);
         normals += row * row.transpose();
     }
-    Some(libm::sqrt(normals.try_inverse()?.trace()))
+    let inverted = invert(&mut normals);
+    inverted.then(|| libm::sqrt(normals.trace()))
+}
+
+/// All of the inverse: on its own, so that the compiler does not drop what the trace does not need.
+#[inline(never)]
+fn invert(matrix: &mut Matrix4<f64>) -> bool {
+    matrix.try_inverse_mut()
 }
