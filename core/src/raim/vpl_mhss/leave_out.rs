@@ -26,8 +26,8 @@ pub(super) struct Row {
     pub variance_m2: f64,
     /// Level of the set without it, over the hypotheses seen so far.
     pub vpl_m: f64,
-    /// Largest σ_ij of these.
-    pub largest_sigma_m: f64,
+    /// Largest σ_ij² of these.
+    pub largest_variance_m2: f64,
 }
 
 /// A hypothesis of a set: one of its rows is left out as well.
@@ -61,7 +61,7 @@ impl Row {
         residual_ratio: 0.0,
         variance_m2: 0.0,
         vpl_m: 0.0,
-        largest_sigma_m: 0.0,
+        largest_variance_m2: 0.0,
     };
 
     pub fn new(gain_enu_m: [f64; 3], cofactor: f64, residual: f64, variance_m2: f64) -> Self {
@@ -78,7 +78,7 @@ impl Row {
             residual_ratio: residual * inverse,
             variance_m2: variance_m2 + up * up * inverse,
             vpl_m: 0.0,
-            largest_sigma_m: 0.0,
+            largest_variance_m2: 0.0,
         }
     }
 
@@ -104,14 +104,17 @@ impl Row {
         }
     }
 
-    /// Enters a hypothesis of the set without this row; NaN stays.
-    fn enter(&mut self, level_m: f64, sigma_m: f64) {
-        let is_smaller = level_m <= self.vpl_m;
-        if !is_smaller {
-            self.vpl_m = level_m;
+    /// Enters a hypothesis of the set without this row; NaN stays. Squares are compared first: most hypotheses
+    /// set no level, and a root is dear.
+    #[inline(always)]
+    fn enter(&mut self, separation_m: f64, variance_m2: f64, k_vertical: f64) {
+        if variance_m2 > self.largest_variance_m2 {
+            self.largest_variance_m2 = variance_m2;
         }
-        if sigma_m > self.largest_sigma_m {
-            self.largest_sigma_m = sigma_m;
+        let room_m = self.vpl_m - separation_m;
+        let is_smaller = room_m >= 0.0 && room_m * room_m >= k_vertical * k_vertical * variance_m2;
+        if !is_smaller && !self.vpl_m.is_nan() {
+            self.vpl_m = separation_m + k_vertical * libm::sqrt(variance_m2);
         }
     }
 }
@@ -153,13 +156,12 @@ fn pair(first: &mut Row, second: &mut Row, shared: f64, k_vertical: f64) {
     let gain = gain_of(second, first);
     let weight = first.cofactor * inverse;
     // The same position whichever is left out first.
-    let sigma_m = libm::sqrt(first.variance_m2 + gain * gain * weight);
+    let variance_m2 = first.variance_m2 + gain * gain * weight;
     let without_first_m = gain * residual_of(second, first) * weight;
     let without_second_m =
         gain_of(first, second) * residual_of(first, second) * (second.cofactor * inverse);
-    let noise_m = k_vertical * sigma_m;
-    first.enter(libm::fabs(without_first_m) + noise_m, sigma_m);
-    second.enter(libm::fabs(without_second_m) + noise_m, sigma_m);
+    first.enter(libm::fabs(without_first_m), variance_m2, k_vertical);
+    second.enter(libm::fabs(without_second_m), variance_m2, k_vertical);
 }
 
 pub(super) fn all_pairs<const M: usize>(

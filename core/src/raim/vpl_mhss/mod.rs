@@ -33,7 +33,7 @@
 //!
 //! Assumes: errors independent between satellites, sigmas that bound them, one faulty satellite. Sees only
 //! what moves the height: a fault without leverage on it is neither detected nor of consequence there.
-//! Cost: N²/2 pairs, each one division, one root and some 40 operations.
+//! Cost: N²/2 pairs, each one division and some 50 operations, and a root where a level grows.
 
 mod factors;
 mod leave_out;
@@ -274,7 +274,7 @@ impl VplSeparation {
         let sigma_m = libm::sqrt(row.variance_m2);
         let (remaining_m, separation_sigma_m) = if out == worst {
             (
-                lacking.largest_sigma_m,
+                libm::sqrt(lacking.largest_variance_m2),
                 lacking.alone().separation_sigma_m(),
             )
         } else {
@@ -298,6 +298,16 @@ impl VplSeparation {
             + self.factors.exclusion(self.n) * separation_sigma_m;
         // NaN stays, and excludes nothing.
         Some(if margin_m < 0.0 { 0.0 } else { margin_m })
+    }
+
+    /// k_v.
+    pub fn k_vertical(&self) -> f64 {
+        self.factors.k_vertical
+    }
+
+    /// Spread of the height of all satellites, m.
+    pub fn sigma_up_m(&self) -> f64 {
+        libm::sqrt(self.covariance_enu_m2.m33)
     }
 
     /// Vertical level of the set without each row, m; infinite where it has none.

@@ -109,6 +109,8 @@ fn separations(model: &LinearModel) {
         |s| VplSeparation::levels_without_m(s).sum::<f64>(),
         &separation,
     );
+    call1(VplSeparation::k_vertical, &separation);
+    call1(VplSeparation::sigma_up_m, &separation);
     call2(VplSeparation::hpl_m, &separation, Some(3));
     call2(VplSeparation::position_enu_m, &separation, Some(3));
 }
