@@ -12,6 +12,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `consensus` | random skies and six hours of GPS, by RANCO, S-RANCO and FOIM | `consensus/` |
 //! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
@@ -27,6 +28,7 @@
 pub mod aids;
 pub mod alignment;
 pub mod binomial;
+pub mod consensus;
 pub mod double_faults;
 pub mod errors;
 pub mod false_alerts;
@@ -95,7 +97,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -182,6 +184,14 @@ pub fn run(args: &Args) -> Result<()> {
             let config = args.settings.config()?;
             return robust::run(data, &config, trials, args.seed, &args.out);
         }
+        "consensus" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("consensus has no shards: give runs of different --seed instead");
+            }
+            let trials = args.trials.unwrap_or(consensus::TRIALS);
+            return consensus::run(trials, args.seed, &args.out);
+        }
         "aids" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -205,7 +215,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus, or merge"
             )
         }
     };
@@ -255,6 +265,20 @@ fn check_out(file: &Path) -> Result<()> {
             "cannot write {}: give a file in a directory that exists with --out",
             file.display()
         );
+    }
+    Ok(())
+}
+
+/// Writes a result, and beside it its tables and its picture.
+fn write_result(result: &impl Serialize, tables: &str, figure: &str, out: &Path) -> Result<()> {
+    let json = serde_json::to_string_pretty(result)? + "\n";
+    for (path, text) in [
+        (out.to_owned(), json.as_str()),
+        (out.with_extension("md"), tables),
+        (out.with_extension("svg"), figure),
+    ] {
+        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        println!("written: {}", path.display());
     }
     Ok(())
 }

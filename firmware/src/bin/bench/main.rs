@@ -15,6 +15,8 @@ mod araim;
 #[cfg(target_os = "none")]
 mod bank;
 #[cfg(target_os = "none")]
+mod consensus;
+#[cfg(target_os = "none")]
 mod dense;
 #[cfg(target_os = "none")]
 mod dense_bank;
@@ -59,6 +61,7 @@ fn main() -> ! {
     araim::all();
     sensors::all();
     robust::all();
+    consensus::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

@@ -15,7 +15,7 @@ pub mod report;
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
@@ -416,18 +416,7 @@ pub fn run(data: &Path, config: &Config, trials: u64, seed: u64, out: &Path) -> 
     };
     let tables = report::tables(&result);
     print!("{tables}");
-    for (path, text) in [
-        (
-            out.to_owned(),
-            serde_json::to_string_pretty(&result)? + "\n",
-        ),
-        (out.with_extension("md"), tables),
-        (out.with_extension("svg"), report::figure(&result)),
-    ] {
-        std::fs::write(&path, text).with_context(|| format!("cannot write {}", path.display()))?;
-        println!("written: {}", path.display());
-    }
-    Ok(())
+    super::write_result(&result, &tables, &report::figure(&result), out)
 }
 
 /// The experiments of [P3] on one recording.
