@@ -12,6 +12,7 @@
 //! | `false-alerts` | a run without a fault, noise white or correlated | `false_alerts.rs` |
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
+//! | `consensus` | random skies and six hours of GPS, by RANCO, S-RANCO and FOIM | `consensus/` |
 //! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
 //! | `vpl-mhss` | an error of each size on each satellite of a GPS sky of six hours: which one is left out | `vpl_mhss/` |
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
@@ -28,6 +29,7 @@
 pub mod aids;
 pub mod alignment;
 pub mod binomial;
+pub mod consensus;
 pub mod double_faults;
 pub mod errors;
 pub mod false_alerts;
@@ -98,6 +100,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
 ))))]
 pub struct Args {
     /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -192,6 +195,13 @@ pub fn run(args: &Args) -> Result<()> {
             let data = args.data.parent().unwrap_or(Path::new("."));
             let trials = args.trials.unwrap_or(vpl_mhss::TRIALS);
             return vpl_mhss::run(data, trials, args.seed, &args.out);
+        "consensus" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("consensus has no shards: give runs of different --seed instead");
+            }
+            let trials = args.trials.unwrap_or(consensus::TRIALS);
+            return consensus::run(trials, args.seed, &args.out);
         }
         "aids" => {
             check_out(&args.out)?;
@@ -217,6 +227,7 @@ pub fn run(args: &Args) -> Result<()> {
         other => {
             bail!(
                 "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus, or merge"
             )
         }
     };
@@ -276,6 +287,11 @@ fn write_result(out: &Path, result: &impl Serialize, tables: String, figure: Str
     let json = serde_json::to_string_pretty(result)? + "\n";
     for (path, text) in [
         (out.to_owned(), json),
+/// Writes a result, and beside it its tables and its picture.
+fn write_result(result: &impl Serialize, tables: &str, figure: &str, out: &Path) -> Result<()> {
+    let json = serde_json::to_string_pretty(result)? + "\n";
+    for (path, text) in [
+        (out.to_owned(), json.as_str()),
         (out.with_extension("md"), tables),
         (out.with_extension("svg"), figure),
     ] {

@@ -5,7 +5,7 @@
 //! | symbol | code | unit | meaning |
 //! |--------|------|------|---------|
 //! | f_i    | [`Suspicions::share`] | 1 | outliers among the predictions of row i |
-//! | T_SV   | [`contaminated_share`] | 1 | share from which on a row is suspected |
+//! | T_SV   | [`suspicion_threshold`] | 1 | share above which a row is suspected |
 //! | s      | `members` | 1 | members of a subset |
 //! | p_k    | | 1 | probability that a normal number exceeds k of its sigmas |
 //! | k      | [`outlier_factor`] | 1 | sigmas of a prediction beyond which it is missed |
@@ -13,9 +13,10 @@
 //! Source: S-RANCO counts suspicions and compares them with T_SV [P4] 2.2, figures 4 and 10; the paper gives
 //! no value. Derivation, docs/decisions/022-consensus.md:
 //!
-//! - *T_SV separates.* Beside m faulty rows a healthy one is predicted wrongly by the subsets that hold a faulty one:
-//!   of those without itself a share of 1 − C(n − 1 − m, s)/C(n − 1, s). A faulty row is predicted wrongly by
-//!   all that can see its fault. T_SV(n, m) is that share.
+//! - *T_SV separates.* Beside one faulty row a healthy one is predicted wrongly by the subsets that hold the faulty
+//!   one: of those without itself a share of s/(n − 1). The faulty row is predicted wrongly by all that can see
+//!   its fault. T_SV is that share. Beside several faulty rows healthy ones exceed it, too, and come
+//!   after them in order.
 //! - *k keeps false alarms.* Each prediction error has its own sigma, so that the expected share of a healthy row in
 //!   a healthy epoch is p_k however the subsets hang together. By Markov's inequality P(f_i > T_SV) ≤ p_k/T_SV,
 //!   and the epoch's false-alarm probability is at most n p_k/T_SV: k = Q⁻¹(P_FA T_SV/(2n)).
@@ -99,6 +100,18 @@ impl Suspicions {
         suspected.fold(RowSet::EMPTY, RowSet::with)
     }
 
+    /// Of the rows above a threshold the one of the largest share that is not in a set; of equals the first.
+    pub fn most_suspected(&self, threshold: f64, beside: RowSet) -> Option<usize> {
+        let mut most: Option<(usize, f64)> = None;
+        for row in self.above(threshold).iter() {
+            let share = self.share(row);
+            if !beside.contains(row) && most.is_none_or(|(_, largest)| share > largest) {
+                most = Some((row, share));
+            }
+        }
+        most.map(|(row, _)| row)
+    }
+
     /// Whether any row was predicted.
     pub fn is_tested(&self) -> bool {
         self.predictions()
@@ -107,20 +120,14 @@ impl Suspicions {
     }
 }
 
-/// T_SV: of the subsets of so many members without a given row, the share with at least one of `faults`
-/// others. 1 where every subset has one.
-pub fn contaminated_share(n: usize, members: usize, faults: usize) -> f64 {
-    let others = n.saturating_sub(1);
-    let mut clean = 1.0;
-    for drawn in 0..members.min(MAX_SATELLITES) {
-        let left = others.saturating_sub(drawn);
-        let healthy = left.saturating_sub(faults);
-        if healthy == 0 {
-            return 1.0;
-        }
-        clean *= healthy as f64 / left as f64;
+/// T_SV: of the subsets of so many members without a given row, the share that holds a given other one. 1 where
+/// all do.
+pub fn suspicion_threshold(n: usize, members: usize) -> f64 {
+    if n > members + 1 {
+        members as f64 / (n - 1) as f64
+    } else {
+        1.0
     }
-    1.0 - clean
 }
 
 /// k: the sigmas of a prediction beyond which a row is its outlier, so that in a healthy epoch a share of
@@ -137,17 +144,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn share_of_contaminated_subsets_is_counted() {
-        // One fault: the subset holds it as often as any other row.
-        for n in [6, 11, 24] {
-            let expected = 4.0 / (n as f64 - 1.0);
-            assert!((contaminated_share(n, 4, 1) - expected).abs() < 1e-14);
+    fn threshold_is_the_share_of_subsets_that_hold_a_given_row() {
+        // C(n − 2, s − 1)/C(n − 1, s).
+        assert!((suspicion_threshold(12, 4) - 120.0 / 330.0).abs() < 1e-15);
+        assert!((suspicion_threshold(8, 5) - 15.0 / 21.0).abs() < 1e-15);
+        for n in [0, 4, 5] {
+            assert_eq!(suspicion_threshold(n, 4), 1.0);
         }
-        // 1 − C(9, 4)/C(11, 4).
-        assert!((contaminated_share(12, 4, 2) - (1.0 - 126.0 / 330.0)).abs() < 1e-14);
-        assert_eq!(contaminated_share(5, 4, 1), 1.0);
-        assert_eq!(contaminated_share(7, 5, 2), 1.0);
-        assert_eq!(contaminated_share(0, 4, 1), 1.0);
     }
 
     #[test]
@@ -158,8 +161,12 @@ mod tests {
             suspicions.book(0, prediction < 4);
             suspicions.book(1, prediction < 5);
         }
-        let above = suspicions.above(contaminated_share(12, 4, 1));
+        let threshold = suspicion_threshold(12, 4);
+        let above = suspicions.above(threshold);
         assert_eq!(above, RowSet::EMPTY.with(1));
+        assert_eq!(suspicions.most_suspected(threshold, RowSet::EMPTY), Some(1));
+        assert_eq!(suspicions.most_suspected(0.0, above), Some(0));
+        assert_eq!(suspicions.most_suspected(threshold, above), None);
         assert_eq!(suspicions.share(2), 0.0);
         assert!((suspicions.largest_share() - 5.0 / 11.0).abs() < 1e-15);
         assert!(suspicions.is_tested());

@@ -6,13 +6,14 @@
 //! | symbol | code | meaning |
 //! |--------|------|---------|
 //! | P_FA | `p_false_alarm` | of an epoch; half of it for the suspicions, half for the parity test |
-//! | m | `faults` | simultaneous faults reckoned with, from one on |
+//! | m | `max_faults` | most simultaneous faults reckoned with |
 //!
-//! **The rule.** An epoch passes when no row is suspected and all agree by the parity test. Otherwise, with one fault
-//! to reckon with, then two, then three: the rows suspected with T_SV(n, m) are excluded if they are m or
-//! fewer and the rest passes the parity test. The first such set is taken. If there is none the fault is detected and in.
-//! RANCO names one set, which is treated alike. Source of exclusion without a further test: [P4]; that the rest
-//! has to agree is a departure, because a count does not tell whether what remains is sound.
+//! **The rule.** An epoch passes when no row is suspected and all agree by the parity test. Otherwise the one row of the
+//! largest share above T_SV is the candidate, then the two of the largest, then the three, up to m; RANCO's candidate is the
+//! set of its outliers. The first candidate without which the rest passes the parity test is excluded, if it has no
+//! rival: no other row in place of one of the candidate's may leave a rest that passes as well. If none is, the
+//! fault is detected and in. [P4] excludes what is above T_SV and looks no further; that the rest has to agree and
+//! that there is no rival are departures, because with few satellites a count often puts a healthy row first.
 //!
 //! There are no levels: a share of suspicions has no missed-detection probability. Derivations, and what is
 //! done with several constellations: docs/decisions/022-consensus.md. Keys: docs/references.md.
@@ -22,7 +23,7 @@ use super::{
     ConfigureError, EpochMonitor, MonitorEpoch, MonitorVerdict, NoLevels, NotTested, Outcome,
 };
 use crate::linalg::LinearModel;
-use crate::raim::consensus::suspicion::{Suspicions, contaminated_share, outlier_factor};
+use crate::raim::consensus::suspicion::{Suspicions, outlier_factor, suspicion_threshold};
 use crate::raim::consensus::{ConsensusError, ConsensusWorkspace};
 use crate::raim::exclusion::{MAX_FAULTS, RowSet};
 use crate::raim::{foim, ranco, s_ranco};
@@ -70,8 +71,9 @@ struct Suspected {
     /// The share that was largest, and the one from which on a row is suspected.
     share: f64,
     threshold: f64,
-    /// The rows to leave out by number of faults reckoned with, from one on.
-    rows: [RowSet; MAX_FAULTS],
+    is_suspected: bool,
+    /// What may be left out, in order of trial; empty where there is no more.
+    candidates: [RowSet; MAX_FAULTS],
     /// Whether any row was predicted.
     is_tested: bool,
 }
@@ -102,11 +104,12 @@ impl ConsensusMonitor {
             return Ok(Suspected {
                 share: outliers.len() as f64 / others.max(1) as f64,
                 threshold: 0.0,
-                rows: [outliers; MAX_FAULTS],
+                is_suspected: !outliers.is_empty(),
+                candidates: [outliers, RowSet::EMPTY, RowSet::EMPTY],
                 is_tested: found.is_some(),
             });
         }
-        let threshold = contaminated_share(n, members, 1);
+        let threshold = suspicion_threshold(n, members);
         let factor = outlier_factor(p_suspected, n, threshold)?;
         if let ConsensusRule::Foim { gdop_limit } = config.rule {
             foim::count(&mut self.workspace, factor, gdop_limit);
@@ -114,16 +117,44 @@ impl ConsensusMonitor {
             s_ranco::count(&mut self.workspace, factor);
         }
         let suspicions = self.workspace.suspicions();
-        let mut rows = [RowSet::EMPTY; MAX_FAULTS];
-        for (faults, rows) in (1..).zip(&mut rows) {
-            *rows = suspicions.above(contaminated_share(n, members, faults));
+        let mut candidates = [RowSet::EMPTY; MAX_FAULTS];
+        let mut so_far = RowSet::EMPTY;
+        for candidate in &mut candidates {
+            if let Some(row) = suspicions.most_suspected(threshold, so_far) {
+                so_far = so_far.with(row);
+                *candidate = so_far;
+            }
         }
         Ok(Suspected {
             share: suspicions.largest_share(),
             threshold,
-            rows,
+            is_suspected: !so_far.is_empty(),
+            candidates,
             is_tested: suspicions.is_tested(),
         })
+    }
+
+    /// Whether the rows that are not left out pass the parity test.
+    fn agree_without(&mut self, left_out: RowSet) -> bool {
+        let tested = self.agreement.test(&self.model, left_out);
+        tested.is_ok_and(|(statistic, limit)| statistic.passes(limit))
+    }
+
+    /// Whether with another row in place of one of the candidate's the rest passes as well, or cannot be tested.
+    fn has_rival(&mut self, candidate: RowSet) -> bool {
+        for kept in candidate.iter() {
+            let others = candidate.iter().filter(|row| *row != kept);
+            let others = others.fold(RowSet::EMPTY, RowSet::with);
+            for row in (0..self.model.n).filter(|row| !candidate.contains(*row)) {
+                let tested = self.agreement.test(&self.model, others.with(row));
+                // What cannot be tested is not ruled out.
+                if tested.is_ok_and(|(statistic, limit)| statistic.sum_of_squares > limit) {
+                    continue;
+                }
+                return true;
+            }
+        }
+        false
     }
 }
 
@@ -143,6 +174,13 @@ impl EpochMonitor for ConsensusMonitor {
             return Err(ConfigureError::OutOfRange {
                 name: "max_faults",
                 value: config.max_faults as f64,
+            });
+        }
+        // Written so that NaN refuses; of half of it the quantiles would take 1 and more.
+        if !(config.p_false_alarm > 0.0 && config.p_false_alarm < 1.0) {
+            return Err(ConfigureError::OutOfRange {
+                name: "p_false_alarm",
+                value: config.p_false_alarm,
             });
         }
         if let ConsensusRule::Foim { gdop_limit } = config.rule
@@ -181,8 +219,7 @@ impl EpochMonitor for ConsensusMonitor {
             Err(error) => return MonitorVerdict::not_tested(NotTested::Stats(error)),
         };
         let agree = statistic.passes(limit);
-        let [first, ..] = suspected.rows;
-        let is_suspected = !first.is_empty();
+        let is_suspected = suspected.is_suspected;
         let mut verdict = MonitorVerdict {
             outcome: Outcome::Passed,
             excluded: RowSet::EMPTY,
@@ -202,16 +239,21 @@ impl EpochMonitor for ConsensusMonitor {
             verdict.threshold = Some(limit);
         }
         verdict.outcome = Outcome::Detected;
-        for (faults, rows) in (1..=config.max_faults).zip(suspected.rows) {
-            if (1..=faults).contains(&rows.len())
-                && let Ok((statistic, limit)) = self.agreement.test(&self.model, rows)
-                && statistic.passes(limit)
-            {
-                verdict.outcome = Outcome::Excluded;
-                verdict.excluded = rows;
-                verdict.position_enu_m = Some(self.agreement.position_enu_m());
+        for candidate in suspected.candidates {
+            if candidate.is_empty() || candidate.len() > config.max_faults {
                 break;
             }
+            if !self.agree_without(candidate) {
+                continue;
+            }
+            // Before the rivals are factored in its place.
+            let position_enu_m = self.agreement.position_enu_m();
+            if !self.has_rival(candidate) {
+                verdict.outcome = Outcome::Excluded;
+                verdict.excluded = candidate;
+                verdict.position_enu_m = Some(position_enu_m);
+            }
+            break;
         }
         verdict
     }

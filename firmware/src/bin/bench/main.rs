@@ -15,6 +15,8 @@ mod araim;
 #[cfg(target_os = "none")]
 mod bank;
 #[cfg(target_os = "none")]
+mod consensus;
+#[cfg(target_os = "none")]
 mod dense;
 #[cfg(target_os = "none")]
 mod dense_bank;
@@ -65,6 +67,7 @@ fn main() -> ! {
     robust::all();
     monitors::all();
     separation::all();
+    consensus::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

@@ -6,10 +6,13 @@ use surefix_core::gnss::solution::{RangeRates, SnapshotWorkspace, UsedRow};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::araim::AraimParameters;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
+use surefix_core::raim::consensus::ConsensusWorkspace;
+use surefix_core::raim::consensus::suspicion::{self, Suspicions};
 use surefix_core::raim::exclusion::RowSet;
 use surefix_core::raim::igg3::{self, Igg3Config, Igg3Workspace};
 use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
 use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
+use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
@@ -18,6 +21,7 @@ use surefix_core::raim::monitors::{self, EpochMonitor, MonitorEpoch, MonitorVerd
 use surefix_core::raim::reconstructed::{self, LevelConvention};
 use surefix_core::raim::rms::{self, RmsComparison, RmsVariant};
 use surefix_core::raim::vpl_mhss::{VplSeparation, VplTest};
+use surefix_core::raim::{foim, ranco, s_ranco};
 
 pub fn all() {
     let mut model = LinearModel::EMPTY;
@@ -94,6 +98,49 @@ pub fn all() {
     monitor(&mut VplMonitor::EMPTY, &VplConfig::PRESET, &epoch);
     separations(&model);
     estimators(&model);
+
+    let mut consensus = ConsensusMonitor::EMPTY;
+    for rule in [
+        ConsensusRule::Ranco,
+        ConsensusRule::SRanco,
+        ConsensusRule::Foim { gdop_limit: 15.0 },
+    ] {
+        let config = ConsensusConfig {
+            rule,
+            p_false_alarm: 1e-7,
+            max_faults: 3,
+        };
+        monitor(&mut consensus, &config, &epoch);
+    }
+    call1(
+        |consensus| ConsensusMonitor::suspicions(consensus).subsets,
+        &consensus,
+    );
+    subsets(&model);
+}
+
+fn subsets(model: &LinearModel) {
+    let mut workspace = ConsensusWorkspace::EMPTY;
+    call2(ConsensusWorkspace::load, &mut workspace, model);
+    call1(ConsensusWorkspace::clocks, &workspace);
+    call1(ConsensusWorkspace::members, &workspace);
+    call2(ranco::consensus, &workspace, 5.0);
+    call2(s_ranco::count, &mut workspace, 5.0);
+    call3(foim::count, &mut workspace, 5.0, 15.0);
+    let suspicions = black_box(workspace.suspicions());
+    call1(
+        |workspace| ConsensusWorkspace::suspicions(workspace).dropped,
+        &workspace,
+    );
+    call1(|s| Suspicions::outliers(s).len(), suspicions);
+    call1(|s| Suspicions::predictions(s).len(), suspicions);
+    call2(Suspicions::share, suspicions, 1);
+    call1(Suspicions::largest_share, suspicions);
+    call2(Suspicions::above, suspicions, 0.5);
+    call3(Suspicions::most_suspected, suspicions, 0.5, RowSet::EMPTY);
+    call1(Suspicions::is_tested, suspicions);
+    call2(suspicion::suspicion_threshold, 12, 4);
+    call3(suspicion::outlier_factor, 1e-7, 12, 0.5);
 }
 
 fn separations(model: &LinearModel) {

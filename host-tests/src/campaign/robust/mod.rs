@@ -420,6 +420,9 @@ pub fn run(data: &Path, config: &Config, trials: u64, seed: u64, out: &Path) -> 
         report::tables(&result),
         report::figure(&result),
     )
+    let tables = report::tables(&result);
+    print!("{tables}");
+    super::write_result(&result, &tables, &report::figure(&result), out)
 }
 
 /// The experiments of [P3] on one recording.
