@@ -13,6 +13,7 @@
 //! | `double-faults` | two satellites at fault | `double_faults.rs` |
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
 //! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
+//! | `araim` | recordings by ARAIM, as measured and with a satellite or a constellation at fault | `araim/` |
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
@@ -26,6 +27,7 @@
 
 pub mod aids;
 pub mod alignment;
+pub mod araim;
 pub mod binomial;
 pub mod double_faults;
 pub mod errors;
@@ -94,7 +96,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, araim), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -108,7 +110,7 @@ pub struct Args {
     /// Run shard I of K, I from 1
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
-    /// Directory with the recording ESBC; those of recording-faults and robust lie beside it
+    /// Directory with the recording ESBC; those of recording-faults, robust and araim lie beside it
     #[arg(
         long,
         value_name = "DIR",
@@ -181,6 +183,16 @@ pub fn run(args: &Args) -> Result<()> {
             let config = args.settings.config()?;
             return robust::run(data, &config, trials, args.seed, &args.out);
         }
+        "araim" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("araim has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(araim::FAULTED_EPOCHS);
+            let config = args.settings.config()?;
+            return araim::run(data, &config, trials, args.seed, &args.out);
+        }
         "aids" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -204,7 +216,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, araim, or merge"
             )
         }
     };

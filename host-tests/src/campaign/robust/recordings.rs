@@ -143,6 +143,20 @@ pub fn subjects(data: &Path, config: &Config, seed: u64, short: bool) -> Result<
 }
 
 impl Place {
+    /// As it was measured, with these constellations.
+    pub fn as_measured(self, systems: [System; 2]) -> Self {
+        Self {
+            systems,
+            add_noise: false,
+            ..self
+        }
+    }
+
+    /// Whether a simulator made it, without errors of its own.
+    pub fn is_simulated(&self) -> bool {
+        self.name == FLIGHT.name
+    }
+
     /// `None` where the header of the observations has to say it.
     fn truth(&self, data: &Path) -> Result<Option<Truth>> {
         match self.truth {
@@ -222,7 +236,7 @@ pub fn read(data: &Path, place: &Place, config: &Config, seed: u64) -> Result<Su
                     for (residual_m, row) in
                         prepared.model.residual_m.iter_mut().zip(&prepared.rows)
                     {
-                        *residual_m += row.sigma.independent_m * normal(&mut random);
+                        *residual_m += row.sigma.independent_m * super::normal(&mut random);
                     }
                 }
                 epochs.push(prepared);
@@ -290,11 +304,4 @@ impl Reader {
             rates,
         })
     }
-}
-
-/// Standard normal (Box and Muller).
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let uniform = |random: &mut ChaCha8Rng| super::uniform(random);
-    let radius = (-2.0 * (1.0 - uniform(random)).ln()).sqrt();
-    radius * (std::f64::consts::TAU * uniform(random)).cos()
 }
