@@ -9,7 +9,7 @@ use surefix_core::raim::araim::AraimParameters;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
 use surefix_core::raim::exclusion::RowSet;
 use surefix_core::raim::igg3::Igg3Config;
-use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, PseudorangeErrors};
 use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
@@ -44,6 +44,8 @@ fn araim_config() -> AraimConfig {
     AraimConfig {
         parameters: AraimParameters::LPV_200,
         support: [support; 3],
+        errors: PseudorangeErrors::Rows,
+        excludes: true,
         exposure_s: 0.0,
     }
 }

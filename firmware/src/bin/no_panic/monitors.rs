@@ -10,7 +10,7 @@ use surefix_core::raim::consensus::ConsensusWorkspace;
 use surefix_core::raim::consensus::suspicion::{self, Suspicions};
 use surefix_core::raim::exclusion::RowSet;
 use surefix_core::raim::igg3::{self, Igg3Config, Igg3Workspace};
-use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, PseudorangeErrors};
 use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
@@ -72,9 +72,12 @@ pub fn all() {
     let config = AraimConfig {
         parameters: AraimParameters::LPV_200,
         support: [support; 3],
+        errors: PseudorangeErrors::Rows,
+        excludes: true,
         exposure_s: 0.0,
     };
     monitor(&mut araim, &config, &epoch);
+    call1(|araim| AraimMonitor::levels(araim).is_some(), &araim);
 
     let mut rms = RmsMonitor::EMPTY;
     for rule in [RmsRule::Printed, RmsRule::Corrected] {

@@ -339,8 +339,14 @@ pub fn windows(epochs: usize) -> [[usize; 2]; 2] {
 }
 
 /// In [0, 1).
-fn uniform(random: &mut ChaCha8Rng) -> f64 {
+pub(super) fn uniform(random: &mut ChaCha8Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// Standard normal (Box and Muller).
+pub(super) fn normal(random: &mut ChaCha8Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - uniform(random)).ln()).sqrt();
+    radius * (std::f64::consts::TAU * uniform(random)).cos()
 }
 
 /// Two satellites used at every epoch of a window.

@@ -141,6 +141,20 @@ pub fn subjects(data: &Path, config: &Config, seed: u64, short: bool) -> Result<
 }
 
 impl Place {
+    /// As it was measured, with these constellations.
+    pub fn as_measured(self, systems: [System; 2]) -> Self {
+        Self {
+            systems,
+            add_noise: false,
+            ..self
+        }
+    }
+
+    /// Whether a simulator made it, without errors of its own.
+    pub fn is_simulated(&self) -> bool {
+        self.name == FLIGHT.name
+    }
+
     /// `None` where the header of the observations has to say it.
     fn truth(&self, data: &Path) -> Result<Option<Truth>> {
         match self.truth {
@@ -209,6 +223,23 @@ pub fn read(data: &Path, place: &Place, config: &Config, seed: u64) -> Result<Su
             for (residual_m, row) in prepared.model.residual_m.iter_mut().zip(&prepared.rows) {
                 *residual_m += row.sigma.independent_m * normal(&mut random);
             }
+            Item::Klobuchar(parameters) => {
+                reader.ionosphere.insert(*parameters);
+            }
+            Item::Epoch(epoch) => {
+                let Some(mut prepared) = reader.prepare(epoch, &config, &truth) else {
+                    continue;
+                };
+                if place.add_noise {
+                    for (residual_m, row) in
+                        prepared.model.residual_m.iter_mut().zip(&prepared.rows)
+                    {
+                        *residual_m += row.sigma.independent_m * super::normal(&mut random);
+                    }
+                }
+                epochs.push(prepared);
+            }
+            Item::ForFilter(_) => {}
         }
         epochs.push(prepared);
     }
