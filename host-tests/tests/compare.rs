@@ -154,6 +154,9 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
         let monitor = comparison.monitors.iter().find(|m| m.name == name).unwrap();
         monitor.with_fault.as_ref().unwrap()
     };
+    // What it remembers after a fault is no false alert.
+    let product = comparison.monitors.last().unwrap();
+    assert_eq!(product.without_fault.detected, 0);
     // 116 m at the end; the range rate is off by 4 m/s from the beginning.
     let product = of(compare::product::NAME);
     assert!(product.excluded_rightly >= 20, "{product:?}");

@@ -101,9 +101,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss), or `merge` to add results of shards
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus), or `merge` to add results of shards
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, araim), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, araim), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -117,8 +115,7 @@ pub struct Args {
     /// Run shard I of K, I from 1
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
-    /// Directory with the recording ESBC; those of recording-faults, robust and vpl-mhss lie beside it
-    /// Directory with the recording ESBC; those of recording-faults, robust and araim lie beside it
+    /// Directory with the recording ESBC; those of recording-faults, robust, vpl-mhss and araim lie beside it
     #[arg(
         long,
         value_name = "DIR",
@@ -199,6 +196,7 @@ pub fn run(args: &Args) -> Result<()> {
             let data = args.data.parent().unwrap_or(Path::new("."));
             let trials = args.trials.unwrap_or(vpl_mhss::TRIALS);
             return vpl_mhss::run(data, trials, args.seed, &args.out);
+        }
         "consensus" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -206,6 +204,7 @@ pub fn run(args: &Args) -> Result<()> {
             }
             let trials = args.trials.unwrap_or(consensus::TRIALS);
             return consensus::run(trials, args.seed, &args.out);
+        }
         "araim" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -239,9 +238,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, or merge"
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus, or merge"
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, araim, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, araim, or merge"
             )
         }
     };
@@ -301,11 +298,6 @@ fn write_result(out: &Path, result: &impl Serialize, tables: String, figure: Str
     let json = serde_json::to_string_pretty(result)? + "\n";
     for (path, text) in [
         (out.to_owned(), json),
-/// Writes a result, and beside it its tables and its picture.
-fn write_result(result: &impl Serialize, tables: &str, figure: &str, out: &Path) -> Result<()> {
-    let json = serde_json::to_string_pretty(result)? + "\n";
-    for (path, text) in [
-        (out.to_owned(), json.as_str()),
         (out.with_extension("md"), tables),
         (out.with_extension("svg"), figure),
     ] {

@@ -115,9 +115,11 @@ pub struct Series {
 }
 
 impl Series {
-    /// Puts what one more monitor said beside the others; `None` where it said nothing.
-    pub fn add(&mut self, said: Vec<Option<Said>>) {
+    /// Puts what the monitor of a number said in place of what it said before, or behind the others; `None` where it said
+    /// nothing.
+    pub fn set(&mut self, monitor: usize, said: Vec<Option<Said>>) {
         for (others, said) in self.said.iter_mut().zip(said) {
+            others.truncate(monitor);
             others.push(said.unwrap_or_else(|| Said::nothing("no_report")));
         }
     }

@@ -44,7 +44,8 @@ const MAX_SIMULTANEOUS: u8 = 3;
 /// Each epoch is linearised once and given to every monitor: residual RAIM, RMS comparison, robust estimation, ARAIM
 /// and the others. Counted are detections, right and wrong exclusions, false alerts, levels, and what they fail to
 /// bound; what an epoch costs is told as the emulated board measured it. A fault is added to the rows after the
-/// linearisation. surefix itself stands beside them as a replay, outside the sweep.
+/// linearisation. surefix itself stands beside them as a replay, outside the sweep; its alerts without a fault are those of
+/// a replay without any.
 ///
 /// Try it on a simulation:
 ///
@@ -268,19 +269,6 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
             )
         })
         .transpose()?;
-    let product = with_product
-        .then(|| {
-            let mut options = ReplayOptions::new(place.gnss.clone());
-            options.nav.clone_from(&place.nav);
-            options.config = config;
-            options.imu.clone_from(&place.imu);
-            options.imu_settings.clone_from(&settings.imu);
-            options.faults.clone_from(&faults);
-            options.seed = args.seed;
-            product::run(&options, &subject, progress)
-        })
-        .transpose()?;
-
     let bench = Bench::measured()?;
     let satellites = subject.satellites();
     let any_fault = !faults.is_empty();
@@ -308,20 +296,33 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
             }
         })
         .collect();
-    if let Some(product) = product {
+    if with_product {
+        let mut options = ReplayOptions::new(place.gnss.clone());
+        options.nav.clone_from(&place.nav);
+        options.config = config;
+        options.imu.clone_from(&place.imu);
+        options.imu_settings.clone_from(&settings.imu);
+        options.seed = args.seed;
         let k = monitors.len();
-        series.add(product.said);
+        let clean = product::run(&options, &[], &subject, progress)?;
+        series.set(k, clean.said);
+        let without_fault = series.counts(k, Tests::Pseudoranges, false, &limits);
+        let mut with_fault = None;
+        if any_fault {
+            series.set(k, product::run(&options, &faults, &subject, progress)?.said);
+            with_fault = Some(series.counts(k, Tests::Pseudoranges, true, &limits));
+        }
         monitors.push(MonitorResult {
             name: product::NAME,
-            title: product.title,
+            title: clean.title,
             tests: Tests::Pseudoranges,
             memory_b: None,
             most_satellites: MAX_SATELLITES,
             p_false_alert: None,
             instructions: None,
             instructions_with_fault: None,
-            without_fault: series.counts(k, Tests::Pseudoranges, false, &limits),
-            with_fault: any_fault.then(|| series.counts(k, Tests::Pseudoranges, true, &limits)),
+            without_fault,
+            with_fault,
             sweep: None,
         });
     }

@@ -2,8 +2,8 @@
 //!
 //! It is no monitor of one epoch alone: it remembers whom it excluded and holds an alert, and with an inertial unit its
 //! filters remember more. So it takes part where a recording runs from its beginning to its end, and not in a
-//! sweep, whose trials are single epochs. Its faults are on the pseudoranges. What it says of a healthy epoch after
-//! a fault is counted like that of the others: an alert that is held is one.
+//! sweep, whose trials are single epochs. Its faults are on the pseudoranges. What it says of epochs without a fault is
+//! counted from a replay without any: after a fault it keeps the satellite out for a while, which is no false alert.
 
 use std::collections::BTreeMap;
 
@@ -14,6 +14,7 @@ use surefix_core::report::EpochReport;
 
 use super::counts::{Answer, Said};
 use super::subject::Subject;
+use crate::faults::FaultSpec;
 use crate::replay::{self, ReplayOptions, TruthChoice};
 
 /// Its name on the command line and in files.
@@ -27,16 +28,18 @@ pub struct Product {
     pub said: Vec<Option<Said>>,
 }
 
-/// Replays the recording.
+/// Replays the recording with these faults.
 ///
 /// # Errors
 /// As [`replay::run`].
 pub fn run(
     options: &ReplayOptions,
+    faults: &[FaultSpec],
     subject: &Subject,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<Product> {
     let mut options = options.clone();
+    options.faults = faults.to_vec();
     options.truth = match &subject.truth {
         Some(truth) => TruthChoice::Given(truth.clone()),
         None => TruthChoice::FromRecording,

@@ -4,15 +4,14 @@
 //! which names the emulated board measured its work. A new monitor is one more entry of [`MONITORS`].
 
 use anyhow::{Result, anyhow, bail};
-use surefix_core::consts::{MAX_CLOCKS, MAX_SATELLITES};
+use surefix_core::consts::MAX_SATELLITES;
 use surefix_core::integrity::{Phase, PhaseRequirements};
 use surefix_core::linalg::qr::WhitenedQr;
-use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
 use surefix_core::raim::araim::{AraimParameters, MAX_ARAIM_SATELLITES};
 use surefix_core::raim::exclusion::{MAX_FAULTS, RowSet};
 use surefix_core::raim::foim::GDOP_LIMIT;
 use surefix_core::raim::igg3::Igg3Config;
-use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, PseudorangeErrors};
 use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
 use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
@@ -181,10 +180,10 @@ pub const MONITORS: &[Entry] = &[
         make: |_| {
             made(
                 AraimMonitor::EMPTY,
+                // The errors of the rows, as the others have them.
                 &AraimConfig {
-                    parameters: AraimParameters::LPV_200,
-                    support: SUPPORT,
-                    exposure_s: 0.0,
+                    errors: PseudorangeErrors::Rows,
+                    ..AraimConfig::LPV_200_V3
                 },
             )
         },
@@ -271,26 +270,6 @@ pub const MONITORS: &[Entry] = &[
         most_satellites: MAX_SATELLITES,
     },
 ];
-
-/// Integrity support data of GPS, Galileo and BDS: probabilities and nominal bias as [BLANCH-2015] takes them; the
-/// sigmas are those of the epoch's rows, and ranging errors beside them are not used.
-const SUPPORT: [IntegritySupport; MAX_CLOCKS] = [support(1e-8), support(1e-4), support(1e-4)];
-
-const fn support(p_constellation: f64) -> IntegritySupport {
-    const fn rate(p_instant: f64) -> FaultRate {
-        FaultRate {
-            p_instant,
-            mean_duration_s: 3600.0,
-        }
-    }
-    IntegritySupport {
-        ura_m: 1.0,
-        ure_m: 2.0 / 3.0,
-        b_nom_m: 0.75,
-        satellite: rate(1e-5),
-        constellation: rate(p_constellation),
-    }
-}
 
 fn made<M: EpochMonitor + 'static>(empty: M, config: &M::Config) -> Result<Made> {
     let mut monitor = Box::new(empty);

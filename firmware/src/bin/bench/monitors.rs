@@ -11,11 +11,9 @@ use surefix_core::gnss::solution::UsedRow;
 use surefix_core::gnss::weights::RowSigma;
 use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
-use surefix_core::raim::araim::AraimParameters;
-use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
 use surefix_core::raim::foim::GDOP_LIMIT;
 use surefix_core::raim::igg3::Igg3Config;
-use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, PseudorangeErrors};
 use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
 use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
@@ -29,14 +27,6 @@ use surefix_core::raim::reconstructed::LevelConvention;
 const SKIES: [(usize, usize); 4] = [(8, 1), (12, 2), (18, 2), (24, 2)];
 /// On the last row, m.
 const FAULT_M: f64 = 60.0;
-
-/// A fault of an epoch, one of a satellite's mean duration of an hour.
-const fn rate(p_instant: f64) -> FaultRate {
-    FaultRate {
-        p_instant,
-        mean_duration_s: 3600.0,
-    }
-}
 
 const RESIDUAL: ResidualConfig = ResidualConfig {
     p_false_alarm: 3.3333e-7,
@@ -52,24 +42,9 @@ const ROBUST: RobustConfig = RobustConfig {
     estimator: Igg3Config::CORRECTED,
     levels: LevelConvention::CORRECTED,
 };
-const SUPPORT: IntegritySupport = IntegritySupport {
-    ura_m: 1.0,
-    ure_m: 2.0 / 3.0,
-    b_nom_m: 0.75,
-    satellite: rate(1e-5),
-    constellation: rate(1e-4),
-};
 const ARAIM: AraimConfig = AraimConfig {
-    parameters: AraimParameters::LPV_200,
-    support: [
-        IntegritySupport {
-            constellation: rate(1e-8),
-            ..SUPPORT
-        },
-        SUPPORT,
-        SUPPORT,
-    ],
-    exposure_s: 0.0,
+    errors: PseudorangeErrors::Rows,
+    ..AraimConfig::LPV_200_V3
 };
 
 /// Measures every row and prints it.

@@ -27,7 +27,7 @@ use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, Pseudorange
 use surefix_core::raim::monitors::{EpochMonitor, MonitorEpoch, MonitorVerdict, Outcome};
 
 use super::robust::recordings::{self, Place, Prepared, Subject};
-use super::robust::{normal, uniform};
+use crate::simulate::noise::{normal, uniform};
 
 /// Alert limits of LPV-200, vertical and horizontal, m.
 pub const ALERT_LIMITS_M: [f64; 2] = [35.0, 40.0];

@@ -494,7 +494,10 @@ pub fn assess(trials: u64, seed: u64, every_s: u32) -> Result<ConsensusResult> {
 /// When a monitor is not configured or a file cannot be written.
 pub fn run(trials: u64, seed: u64, out: &Path) -> Result<()> {
     let result = assess(trials, seed, EVERY_S)?;
-    let tables = report::tables(&result);
-    print!("{tables}");
-    super::write_result(&result, &tables, &report::figure(&result), out)
+    super::write_result(
+        out,
+        &result,
+        report::tables(&result),
+        report::figure(&result),
+    )
 }

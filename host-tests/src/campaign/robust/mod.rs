@@ -28,6 +28,7 @@ use surefix_core::raim::igg3::{
 use surefix_core::raim::monitors::{MonitorLevels, NoLevels};
 use surefix_core::raim::reconstructed::LevelConvention;
 
+use crate::simulate::noise::uniform;
 use recordings::{Prepared, Subject};
 
 /// Trials unless told otherwise.
@@ -338,17 +339,6 @@ pub fn windows(epochs: usize) -> [[usize; 2]; 2] {
     WINDOWS.map(|[first, last]| [scaled(first), scaled(last)])
 }
 
-/// In [0, 1).
-pub(super) fn uniform(random: &mut ChaCha8Rng) -> f64 {
-    (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
-}
-
-/// Standard normal (Box and Muller).
-pub(super) fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * (1.0 - uniform(random)).ln()).sqrt();
-    radius * (std::f64::consts::TAU * uniform(random)).cos()
-}
-
 /// Two satellites used at every epoch of a window.
 fn draw(
     prepared: &[Prepared],
@@ -426,9 +416,6 @@ pub fn run(data: &Path, config: &Config, trials: u64, seed: u64, out: &Path) -> 
         report::tables(&result),
         report::figure(&result),
     )
-    let tables = report::tables(&result);
-    print!("{tables}");
-    super::write_result(&result, &tables, &report::figure(&result), out)
 }
 
 /// The experiments of [P3] on one recording.

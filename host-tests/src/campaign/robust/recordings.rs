@@ -223,23 +223,6 @@ pub fn read(data: &Path, place: &Place, config: &Config, seed: u64) -> Result<Su
             for (residual_m, row) in prepared.model.residual_m.iter_mut().zip(&prepared.rows) {
                 *residual_m += row.sigma.independent_m * normal(&mut random);
             }
-            Item::Klobuchar(parameters) => {
-                reader.ionosphere.insert(*parameters);
-            }
-            Item::Epoch(epoch) => {
-                let Some(mut prepared) = reader.prepare(epoch, &config, &truth) else {
-                    continue;
-                };
-                if place.add_noise {
-                    for (residual_m, row) in
-                        prepared.model.residual_m.iter_mut().zip(&prepared.rows)
-                    {
-                        *residual_m += row.sigma.independent_m * super::normal(&mut random);
-                    }
-                }
-                epochs.push(prepared);
-            }
-            Item::ForFilter(_) => {}
         }
         epochs.push(prepared);
     }
