@@ -67,6 +67,8 @@ fn int_147_a_fault_of_60_m_on_a_good_sky_is_seen_by_every_monitor_that_looks_for
         let monitor = comparison.monitors.iter().find(|m| m.name == entry.name);
         let monitor = monitor.unwrap_or_else(|| panic!("{} is missing", entry.name));
         assert!(tables.contains(entry.title), "{}", entry.name);
+        let with_levels = monitor.without_fault.with_levels > 0;
+        assert_eq!(with_levels, entry.has_levels, "{}", entry.name);
         if entry.tests == Tests::RangeRates {
             assert!(monitor.sweep.is_none(), "{}", entry.name);
             continue;

@@ -6,6 +6,14 @@
 //!              sweep: sizes and trials ────┴─► the same, one fault size after the other ─► counts ─┘
 //! ```
 //!
+//! | file written | content |
+//! |---|---|
+//! | `comparison.md` | the tables as printed |
+//! | `comparison.csv` | counts, levels and errors: a row per monitor and kind of epoch (without a fault, with one, each size of the sweep) |
+//! | `comparison.json` | the same, with what was compared and how |
+//! | `comparison.svg` | rates by size of the fault; vertical levels and errors along the recording |
+//! | `epochs.csv` | a row per epoch and monitor: what was faulted, the answer, what was excluded, levels, errors |
+//!
 //! `registry.rs` lists the monitors, `product.rs` puts surefix itself beside them, `instructions.rs` says what an
 //! epoch of each executes on the emulated board.
 

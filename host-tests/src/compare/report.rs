@@ -21,6 +21,9 @@ const COLOURS: [&str; 12] = [
 /// Most points of a curve over time; more epochs share a point, which shows the largest of their values.
 const MAX_POINTS: usize = 240;
 
+/// Which trials of a size are counted.
+type Events = fn(&Summary) -> u64;
+
 /// Prints nothing; writes everything.
 ///
 /// # Errors
@@ -450,7 +453,7 @@ fn epochs_csv(comparison: &Comparison) -> String {
 pub fn picture(comparison: &Comparison) -> String {
     let mut panels = Vec::new();
     if let Some(plan) = &comparison.sweep {
-        let shares: [(&str, fn(&Summary) -> u64); 4] = [
+        let shares: [(&str, Events); 4] = [
             ("fault detected", |s| s.detected),
             ("exactly the faulted satellites excluded", |s| {
                 s.excluded_rightly
@@ -517,11 +520,11 @@ fn curve(number: usize, points: Vec<(f64, f64)>) -> Curve {
         name: String::new(),
         points,
         colour: COLOURS[number % COLOURS.len()],
-        dashed: number % 2 == 1,
+        dashed: !number.is_multiple_of(2),
     }
 }
 
-fn by_size(comparison: &Comparison, plan: &Plan, events: fn(&Summary) -> u64) -> Vec<Curve> {
+fn by_size(comparison: &Comparison, plan: &Plan, events: Events) -> Vec<Curve> {
     let monitors = comparison.monitors.iter().enumerate();
     monitors
         .filter_map(|(number, monitor)| {

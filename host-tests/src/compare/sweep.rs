@@ -96,7 +96,7 @@ pub fn in_turn(epochs: &[Epoch], at: u64) -> Vec<Trial> {
             let rows = epochs.get(epoch).map_or(0, |e| e.linearised.rows.len());
             (0..rows).map(move |row| Trial {
                 epoch,
-                rows: vec![(row, if row % 2 == 0 { 1.0 } else { -1.0 })],
+                rows: vec![(row, if row.is_multiple_of(2) { 1.0 } else { -1.0 })],
             })
         })
         .collect()
