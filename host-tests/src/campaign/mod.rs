@@ -33,6 +33,7 @@ pub mod errors;
 pub mod false_alerts;
 pub mod figure;
 pub mod flown;
+pub mod gps_hours;
 pub mod latency;
 pub mod monte_carlo;
 pub mod outcome;
