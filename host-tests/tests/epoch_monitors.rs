@@ -16,6 +16,7 @@ use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
+use surefix_core::raim::monitors::vpl_mhss::{VplConfig, VplMonitor};
 use surefix_core::raim::monitors::{
     ConfigureError, EpochMonitor, MonitorEpoch, NoLevels, NotTested, Outcome,
 };
@@ -182,6 +183,19 @@ fn robust_estimation_answers_through_the_face() {
         ..config
     });
     assert!(matches!(refused, Err(ConfigureError::OutOfRange { .. })));
+}
+
+#[test]
+fn vpl_separation_answers_through_the_face() {
+    let mut monitor = Box::new(VplMonitor::EMPTY);
+    claims(&mut *monitor, &VplConfig::PRESET, true, 20);
+    for p in [0.0, 1.0, f64::NAN] {
+        let refused = monitor.configure(&VplConfig {
+            p_false_alarm: p,
+            ..VplConfig::PRESET
+        });
+        assert!(matches!(refused, Err(ConfigureError::Stats(_))));
+    }
 }
 
 #[test]

@@ -28,6 +28,7 @@ pub mod rms;
 pub mod s_ranco;
 pub mod slope;
 pub mod thresholds;
+pub mod vpl_mhss;
 
 use crate::linalg::qr::QrError;
 

@@ -14,6 +14,7 @@
 //! | `time-to-alert` | ramps on the hardest satellite in each phase of flight | `time_to_alert.rs` |
 //! | `consensus` | random skies and six hours of GPS, by RANCO, S-RANCO and FOIM | `consensus/` |
 //! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
+//! | `vpl-mhss` | an error of each size on each satellite of a GPS sky of six hours: which one is left out | `vpl_mhss/` |
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
@@ -48,6 +49,7 @@ pub mod steps;
 pub mod time_to_alert;
 pub mod trial;
 pub mod voting;
+pub mod vpl_mhss;
 pub mod wide_headings;
 
 use std::path::{Path, PathBuf};
@@ -97,7 +99,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -111,7 +113,7 @@ pub struct Args {
     /// Run shard I of K, I from 1
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
-    /// Directory with the recording ESBC; those of recording-faults and robust lie beside it
+    /// Directory with the recording ESBC; those of recording-faults, robust and vpl-mhss lie beside it
     #[arg(
         long,
         value_name = "DIR",
@@ -189,8 +191,18 @@ pub fn run(args: &Args) -> Result<()> {
             if args.shard.is_some() {
                 bail!("consensus has no shards: give runs of different --seed instead");
             }
+            let data = args.data.parent().unwrap_or(Path::new("."));
             let trials = args.trials.unwrap_or(consensus::TRIALS);
-            return consensus::run(trials, args.seed, &args.out);
+            return consensus::run(data, trials, args.seed, &args.out);
+        }
+        "vpl-mhss" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("vpl-mhss has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(vpl_mhss::TRIALS);
+            return vpl_mhss::run(data, trials, args.seed, &args.out);
         }
         "aids" => {
             check_out(&args.out)?;
@@ -215,7 +227,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, consensus, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, or merge"
             )
         }
     };
@@ -269,11 +281,12 @@ fn check_out(file: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Writes a result, and beside it its tables and its picture.
-fn write_result(result: &impl Serialize, tables: &str, figure: &str, out: &Path) -> Result<()> {
+/// Prints tables; writes a result, its tables beside it, and its picture.
+fn write_result(out: &Path, result: &impl Serialize, tables: String, figure: String) -> Result<()> {
+    print!("{tables}");
     let json = serde_json::to_string_pretty(result)? + "\n";
     for (path, text) in [
-        (out.to_owned(), json.as_str()),
+        (out.to_owned(), json),
         (out.with_extension("md"), tables),
         (out.with_extension("svg"), figure),
     ] {

@@ -14,6 +14,7 @@
 //! | IGG-III | [`robust`] | nothing beyond the noise of the rows that are left |
 //! | RMS comparison | [`rms`] | no levels |
 //! | RANCO, S-RANCO, FOIM | [`consensus`] | no levels |
+//! | VPL separation | [`vpl_mhss`] | one fault, of any size, in each axis |
 //!
 //! The default path of the product does not go through here: `snapshot.rs` solves, tests and
 //! excludes by itself.
@@ -24,6 +25,7 @@ pub mod consensus;
 pub mod residual;
 pub mod rms;
 pub mod robust;
+pub mod vpl_mhss;
 
 use super::exclusion::RowSet;
 use crate::consts::{MAX_SATELLITES, MAX_UNKNOWNS};
@@ -230,6 +232,14 @@ pub trait EpochMonitor {
 
     /// Looks at one epoch.
     fn assess(&mut self, epoch: &MonitorEpoch<'_>) -> MonitorVerdict;
+}
+
+/// Copies an epoch with the sigma of each row's whole error, that common to satellites included.
+fn with_whole_sigmas(epoch: &MonitorEpoch<'_>, out: &mut LinearModel) {
+    out.clone_from(epoch.model());
+    for (sigma_m, row) in out.sigma_m.iter_mut().zip(epoch.rows()) {
+        *sigma_m = row.sigma.total_m();
+    }
 }
 
 /// Copies the rows that are not left out. A clock that loses all its rows loses its column, so that the

@@ -9,6 +9,7 @@
 
 use super::{
     ConfigureError, EpochMonitor, MonitorEpoch, MonitorVerdict, NoLevels, NotTested, Outcome,
+    with_whole_sigmas,
 };
 use crate::linalg::LinearModel;
 use crate::raim::exclusion::RowSet;
@@ -81,10 +82,7 @@ impl EpochMonitor for RobustMonitor {
         let Some(config) = self.config else {
             return MonitorVerdict::not_tested(NotTested::NotConfigured);
         };
-        self.model.clone_from(epoch.model());
-        for (sigma_m, row) in self.model.sigma_m.iter_mut().zip(epoch.rows()) {
-            *sigma_m = row.sigma.total_m();
-        }
+        with_whole_sigmas(epoch, &mut self.model);
         let robust = match self.workspace.estimate(&self.model, &config.estimator) {
             Ok(robust) => robust,
             Err(error) => return self.without(error),

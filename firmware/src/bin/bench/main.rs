@@ -37,6 +37,8 @@ mod robust;
 #[cfg(target_os = "none")]
 mod sensors;
 #[cfg(target_os = "none")]
+mod separation;
+#[cfg(target_os = "none")]
 mod sky;
 #[cfg(target_os = "none")]
 mod stages;
@@ -62,6 +64,7 @@ fn main() -> ! {
     sensors::all();
     robust::all();
     consensus::all();
+    separation::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

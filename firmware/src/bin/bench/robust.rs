@@ -12,7 +12,7 @@ use surefix_core::raim::parity;
 use surefix_core::raim::reconstructed::LevelConvention;
 
 /// Satellites and constellations.
-const SKIES: [(usize, usize); 5] = [(6, 1), (8, 1), (12, 2), (18, 2), (24, 2)];
+pub const SKIES: [(usize, usize); 5] = [(6, 1), (8, 1), (12, 2), (18, 2), (24, 2)];
 /// On the first two rows, m.
 const FAULTS_M: [f64; 2] = [60.0, -40.0];
 

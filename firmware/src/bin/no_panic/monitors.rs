@@ -15,9 +15,11 @@ use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor,
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
+use surefix_core::raim::monitors::vpl_mhss::{VplConfig, VplMonitor};
 use surefix_core::raim::monitors::{self, EpochMonitor, MonitorEpoch, MonitorVerdict, NotTested};
 use surefix_core::raim::reconstructed::{self, LevelConvention};
 use surefix_core::raim::rms::{self, RmsComparison, RmsVariant};
+use surefix_core::raim::vpl_mhss::{VplSeparation, VplTest};
 use surefix_core::raim::{foim, ranco, s_ranco};
 
 pub fn all() {
@@ -84,6 +86,8 @@ pub fn all() {
         |robust| RobustMonitor::workspace(robust).weights().len(),
         &robust,
     );
+    monitor(&mut VplMonitor::EMPTY, &VplConfig::PRESET, &epoch);
+    separations(&model);
     estimators(&model);
 
     let mut consensus = ConsensusMonitor::EMPTY;
@@ -128,6 +132,25 @@ fn subsets(model: &LinearModel) {
     call1(Suspicions::is_tested, suspicions);
     call2(suspicion::suspicion_threshold, 12, 4);
     call3(suspicion::outlier_factor, 1e-7, 12, 0.5);
+}
+
+fn separations(model: &LinearModel) {
+    let mut separation = VplSeparation::EMPTY;
+    call3(VplSeparation::configure, &mut separation, 1e-7, 1e-7);
+    call2(VplSeparation::test, &mut separation, model);
+    if let Ok(test) = separation.test(black_box(model)) {
+        call1(VplTest::passes, &test);
+        call1(VplTest::excluded, &test);
+        call1(VplTest::excluded_as_printed, &test);
+    }
+    call1(
+        |s| VplSeparation::levels_without_m(s).sum::<f64>(),
+        &separation,
+    );
+    call1(VplSeparation::k_vertical, &separation);
+    call1(VplSeparation::sigma_up_m, &separation);
+    call2(VplSeparation::hpl_m, &separation, Some(3));
+    call2(VplSeparation::position_enu_m, &separation, Some(3));
 }
 
 fn estimators(model: &LinearModel) {

@@ -414,9 +414,12 @@ pub fn run(data: &Path, config: &Config, trials: u64, seed: u64, out: &Path) -> 
             .map(|subject| assess(subject, trials, seed))
             .collect(),
     };
-    let tables = report::tables(&result);
-    print!("{tables}");
-    super::write_result(&result, &tables, &report::figure(&result), out)
+    super::write_result(
+        out,
+        &result,
+        report::tables(&result),
+        report::figure(&result),
+    )
 }
 
 /// The experiments of [P3] on one recording.
