@@ -321,7 +321,8 @@ fn illegal_configurations_are_refused() {
 
 #[test]
 fn tables_and_pictures_hold_numbers() {
-    let result = consensus::assess(76, SEED, 7200).unwrap();
+    let epochs = gps_hours::epochs(consensus::MASK_DEG, 7200);
+    let result = consensus::assess(76, SEED, &epochs).unwrap();
     let tables = report::tables(&result);
     let figure = report::figure(&result);
     assert_eq!(figure.matches("class=\"title\"").count(), 8);

@@ -4,22 +4,20 @@
 use std::path::Path;
 
 use surefix_host_tests::campaign::binomial::clopper_pearson;
-use surefix_host_tests::campaign::vpl_mhss::sky::GpsSky;
-use surefix_host_tests::campaign::vpl_mhss::{Extent, P_ACCEPTED, SkyResult, assess, levels};
+use surefix_host_tests::campaign::vpl_mhss::sky::BroadcastSky;
+use surefix_host_tests::campaign::vpl_mhss::{GpsSky, P_ACCEPTED, SkyResult, assess, levels};
 
-const SHORT: Extent = Extent {
-    trials: 20,
-    step_s: 600,
-    seed: 1,
-};
+const TRIALS: u64 = 20;
+const STEP_S: u32 = 600;
+const SEED: u64 = 1;
 
-fn broadcast() -> Option<GpsSky> {
+fn broadcast() -> Option<BroadcastSky> {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
     if !data.is_dir() {
         eprintln!("SKIPPED: ../shared is absent");
         return None;
     }
-    Some(GpsSky::broadcast(&data).unwrap())
+    Some(BroadcastSky::read(&data).unwrap())
 }
 
 /// Right and wrong exclusions and detections of an error, of all epochs.
@@ -50,7 +48,7 @@ fn int_138_the_satellite_with_a_large_error_is_left_out_under_the_broadcast_sky(
     let Some(sky) = broadcast() else {
         return;
     };
-    let result = assess(&sky, 5.0, &SHORT);
+    let result = assess(&GpsSky::broadcast(&sky, 5.0, STEP_S), TRIALS, SEED);
     println!("{}: {:.1} satellites", result.about, result.mean_satellites);
     for (size_m, point) in result.sizes.iter().enumerate() {
         let [right, wrong, detected] = shares(&result, size_m);
@@ -72,7 +70,7 @@ fn int_138_the_satellite_with_a_large_error_is_left_out_under_the_broadcast_sky(
 
 #[test]
 fn fewer_satellites_detect_as_well_and_isolate_less() {
-    let result = assess(&GpsSky::simulated(), 5.0, &SHORT);
+    let result = assess(&GpsSky::simulated(5.0, STEP_S), TRIALS, SEED);
     let [at_6_m, ..] = shares(&result, 6);
     let [at_30_m, wrong, detected] = shares(&result, 30);
     println!("30 m: right {at_30_m}, wrong {wrong}, detected {detected}; 6 m: {at_6_m}");
@@ -86,13 +84,7 @@ fn the_printed_levels_are_those_of_sigmas_that_grow_towards_the_horizon() {
     let Some(sky) = broadcast() else {
         return;
     };
-    let rows = levels(
-        &sky,
-        &Extent {
-            step_s: 1800,
-            ..SHORT
-        },
-    );
+    let rows = levels(&sky, 3 * STEP_S, SEED);
     assert_eq!(rows.len(), 12);
     for row in &rows {
         let [five, ten] = row.levels;

@@ -5,6 +5,7 @@
 //! the start of its week on, and sigmas are the simulator's by elevation.
 
 use nalgebra::{Matrix3, Vector3};
+use rand_chacha::rand_core::Rng;
 use surefix_core::gnss::System;
 use surefix_core::gnss::solution::UsedRow;
 use surefix_core::gnss::weights::RowSigma;
@@ -15,6 +16,7 @@ use crate::simulate::disturbances::Disturbances;
 use crate::simulate::inertial::earth;
 use crate::simulate::inertial::measurements::Measurer;
 use crate::simulate::inertial::trajectory::State;
+use crate::simulate::noise::normal;
 use crate::simulate::sky::WEEK;
 
 /// Latitude and longitude, degrees, and height, m. [P4] 3.1
@@ -31,6 +33,18 @@ pub struct SkyEpoch {
     pub model: LinearModel,
     /// Its rows.
     pub rows: Vec<UsedRow>,
+}
+
+impl SkyEpoch {
+    /// The model with an error of one sigma on each row.
+    pub fn noisy(&self, random: &mut impl Rng) -> LinearModel {
+        let mut model = self.model.clone();
+        let rows = model.residual_m.iter_mut().zip(&model.sigma_m);
+        for (residual_m, sigma_m) in rows.take(model.n) {
+            *residual_m += sigma_m * normal(random);
+        }
+        model
+    }
 }
 
 /// The GPS satellites above a mask, from the first second on in steps.

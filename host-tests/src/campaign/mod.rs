@@ -188,6 +188,15 @@ pub fn run(args: &Args) -> Result<()> {
             let config = args.settings.config()?;
             return robust::run(data, &config, trials, args.seed, &args.out);
         }
+        "consensus" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("consensus has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(consensus::TRIALS);
+            return consensus::run(data, trials, args.seed, &args.out);
+        }
         "vpl-mhss" => {
             check_out(&args.out)?;
             if args.shard.is_some() {
@@ -196,14 +205,6 @@ pub fn run(args: &Args) -> Result<()> {
             let data = args.data.parent().unwrap_or(Path::new("."));
             let trials = args.trials.unwrap_or(vpl_mhss::TRIALS);
             return vpl_mhss::run(data, trials, args.seed, &args.out);
-        }
-        "consensus" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("consensus has no shards: give runs of different --seed instead");
-            }
-            let trials = args.trials.unwrap_or(consensus::TRIALS);
-            return consensus::run(trials, args.seed, &args.out);
         }
         "araim" => {
             check_out(&args.out)?;
@@ -238,7 +239,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, araim, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, or merge"
             )
         }
     };

@@ -39,7 +39,7 @@ use suspicion::Suspicions;
 pub const MAX_MEMBERS: usize = MAX_UNKNOWNS;
 
 /// Largest sigma of a prediction over that of the row it predicts.
-pub const MAX_PREDICTION_RATIO: f64 = 3.0;
+pub const MAX_PREDICTION_RATIO: f64 = 4.0;
 
 /// Smallest volume spanned by three differences of directions; below it rounding takes the digits of the
 /// inverse, and no prediction is good enough to count.

@@ -9,11 +9,13 @@
 //! | m | `max_faults` | most simultaneous faults reckoned with |
 //!
 //! **The rule.** An epoch passes when no row is suspected and all agree by the parity test. Otherwise the one row of the
-//! largest share above T_SV is the candidate, then the two of the largest, then the three, up to m; RANCO's candidate is the
-//! set of its outliers. The first candidate without which the rest passes the parity test is excluded, if it has no
-//! rival: no other row in place of one of the candidate's may leave a rest that passes as well. If none is, the
-//! fault is detected and in. [P4] excludes what is above T_SV and looks no further; that the rest has to agree and
-//! that there is no rival are departures, because with few satellites a count often puts a healthy row first.
+//! largest share above T_SV is the candidate, then the two of the largest, then the three; RANCO's candidate is the
+//! set of its outliers. The first candidate of k rows without which the rest passes the parity test is excluded, if
+//! the redundancy is at least k + m, and if it has no rival: no other row in place of one of the candidate's may
+//! leave a rest that passes as well. If none is, the fault is detected and in. With less redundancy there are errors of
+//! k rows and of m others that leave the same parity vector, and healthy rows could be taken for faulty ones.
+//! [P4] excludes what is above T_SV and looks no further; these conditions are departures, because with
+//! few satellites or several faults a count often puts a healthy row first.
 //!
 //! There are no levels: a share of suspicions has no missed-detection probability. Derivations, and what is
 //! done with several constellations: docs/decisions/022-consensus.md. Keys: docs/references.md.
@@ -50,7 +52,7 @@ pub struct ConsensusConfig {
     pub rule: ConsensusRule,
     /// False-alarm probability of an epoch.
     pub p_false_alarm: f64,
-    /// Most rows excluded, 1 to [`MAX_FAULTS`].
+    /// Most simultaneous faults reckoned with, and most rows excluded, 1 to [`MAX_FAULTS`].
     pub max_faults: usize,
 }
 
@@ -240,7 +242,9 @@ impl EpochMonitor for ConsensusMonitor {
         }
         verdict.outcome = Outcome::Detected;
         for candidate in suspected.candidates {
-            if candidate.is_empty() || candidate.len() > config.max_faults {
+            let is_allowed = (1..=config.max_faults).contains(&candidate.len())
+                && statistic.redundancy >= candidate.len() + config.max_faults;
+            if !is_allowed {
                 break;
             }
             if !self.agree_without(candidate) {

@@ -32,7 +32,7 @@ impl VplConfig {
     };
 }
 
-/// VPL-based solution separation, and its memory (23 kB).
+/// VPL-based solution separation, and its memory (16 kB).
 #[derive(Clone, Debug)]
 pub struct VplMonitor {
     is_configured: bool,

@@ -96,7 +96,7 @@ impl VplTest {
     }
 }
 
-/// Levels of all sets, and their memory (17 kB).
+/// Levels of all sets, and their memory (13 kB).
 #[derive(Clone, Debug)]
 pub struct VplSeparation {
     factors: VplFactors,

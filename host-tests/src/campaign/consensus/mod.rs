@@ -9,7 +9,7 @@
 //! | Two and three biases at once | [`several`], satellites drawn at random |
 //!
 //! Every epoch is linearised at the true place, errors are normal with the sigmas given, a bias is a number added to a
-//! row. `skies.rs` draws, `report.rs` prints and draws.
+//! row. The six hours are those of [`super::vpl_mhss`]. `skies.rs` draws random skies, `report.rs` prints and draws.
 
 pub mod report;
 pub mod skies;
@@ -29,12 +29,17 @@ use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor,
 use surefix_core::raim::monitors::{EpochMonitor, MonitorEpoch, MonitorVerdict, Outcome};
 
 use super::gps_hours::SkyEpoch;
-use skies::{drawn_rows, noisy, signed_size_m};
+use super::vpl_mhss::GpsSky;
+use super::vpl_mhss::sky::BroadcastSky;
+use skies::{drawn_rows, signed_size_m};
 
 /// Random skies of one constellation unless told otherwise; of two and three a tenth.
 pub const TRIALS: u64 = 10_000;
 /// Fewest and most satellites of a random sky.
 pub const SATELLITES: [usize; 2] = [6, 24];
+/// Most faults under random skies, and most reckoned with there. In the six hours the monitors reckon with as many
+/// as there are.
+pub const MOST_FAULTS: usize = 3;
 /// Largest bias, m. [P4] 3.2
 pub const LARGEST_M: f64 = 40.0;
 /// Step of the sweep, m.
@@ -215,13 +220,13 @@ pub struct ConsensusResult {
 struct Monitors([Box<ConsensusMonitor>; 3]);
 
 impl Monitors {
-    fn new(p_false_alarm: f64) -> Result<Self> {
+    fn new(p_false_alarm: f64, max_faults: usize) -> Result<Self> {
         let monitor = |rule| {
             let mut monitor = Box::new(ConsensusMonitor::EMPTY);
             let config = ConsensusConfig {
                 rule,
                 p_false_alarm,
-                max_faults: 3,
+                max_faults,
             };
             match monitor.configure(&config) {
                 Ok(()) => Ok(monitor),
@@ -256,7 +261,7 @@ fn stream(seed: u64, number: u64) -> ChaCha8Rng {
 /// # Errors
 /// When a monitor is not configured.
 pub fn compare(seed: u64, trials: u64, constellations: usize) -> Result<Comparison> {
-    let mut monitors = Monitors::new(P_FALSE_ALARM[0])?;
+    let mut monitors = Monitors::new(P_FALSE_ALARM[0], MOST_FAULTS)?;
     let [fewest, most] = SATELLITES;
     // One row more than unknowns at least.
     let fewest = fewest.max(4 + constellations);
@@ -274,10 +279,10 @@ pub fn compare(seed: u64, trials: u64, constellations: usize) -> Result<Comparis
         let faults = if round % 2 == 0 {
             0
         } else {
-            1 + (round / 2) % 3
+            1 + (round / 2) % MOST_FAULTS
         };
         let sky = skies::sky(random, n, constellations);
-        let mut model = noisy(&sky.model, random);
+        let mut model = sky.noisy(random);
         let faulty = drawn_rows(random, n, faults);
         for row in &faulty {
             model.residual_m[*row] += signed_size_m(random, [0.0, LARGEST_M]);
@@ -308,7 +313,7 @@ pub fn compare(seed: u64, trials: u64, constellations: usize) -> Result<Comparis
 /// # Errors
 /// When a monitor is not configured.
 pub fn false_alarms(seed: u64, trials: u64) -> Result<Vec<FalseAlarms>> {
-    let mut monitors = Monitors::new(P_MEASURED)?;
+    let mut monitors = Monitors::new(P_MEASURED, MOST_FAULTS)?;
     let mut all = Vec::new();
     for n in MEASURED_SATELLITES {
         let mut counted = FalseAlarms {
@@ -320,7 +325,7 @@ pub fn false_alarms(seed: u64, trials: u64) -> Result<Vec<FalseAlarms>> {
         for trial in 0..trials {
             let random = &mut stream(seed, (n as u64) << 32 | trial);
             let sky = skies::sky(random, n, 1);
-            let verdicts = monitors.assess(&noisy(&sky.model, random), &sky.rows)?;
+            let verdicts = monitors.assess(&sky.noisy(random), &sky.rows)?;
             for (k, verdict) in verdicts.iter().enumerate() {
                 // RANCO's statistic is its share of outliers whenever there are some.
                 let is_suspected = if k == 0 {
@@ -343,7 +348,7 @@ pub fn false_alarms(seed: u64, trials: u64) -> Result<Vec<FalseAlarms>> {
 /// # Errors
 /// When a monitor is not configured.
 pub fn sweep(seed: u64, epochs: &[SkyEpoch], p_false_alarm: f64) -> Result<Vec<SizePoint>> {
-    let mut monitors = Monitors::new(p_false_alarm)?;
+    let mut monitors = Monitors::new(p_false_alarm, 1)?;
     let steps = (LARGEST_M / STEP_M) as usize;
     let mut points = Vec::new();
     for step in 0..=steps {
@@ -355,7 +360,7 @@ pub fn sweep(seed: u64, epochs: &[SkyEpoch], p_false_alarm: f64) -> Result<Vec<S
             // The same noise for every size.
             let random = &mut stream(seed, number as u64);
             for row in 0..epoch.model.n {
-                let mut model = noisy(&epoch.model, random);
+                let mut model = epoch.noisy(random);
                 model.residual_m[row] += point.size_m;
                 let faulty = if step == 0 {
                     RowSet::EMPTY
@@ -378,7 +383,7 @@ pub fn sweep(seed: u64, epochs: &[SkyEpoch], p_false_alarm: f64) -> Result<Vec<S
 /// # Errors
 /// When a monitor is not configured.
 pub fn several(seed: u64, epochs: &[SkyEpoch], count: usize) -> Result<Vec<SizePoint>> {
-    let mut monitors = Monitors::new(P_FALSE_ALARM[0])?;
+    let mut monitors = Monitors::new(P_FALSE_ALARM[0], count)?;
     let mut points = Vec::new();
     for size_m in SIZES_M {
         let mut point = SizePoint {
@@ -388,7 +393,7 @@ pub fn several(seed: u64, epochs: &[SkyEpoch], count: usize) -> Result<Vec<SizeP
         for (number, epoch) in epochs.iter().enumerate() {
             let random = &mut stream(seed, number as u64);
             for _ in 0..epoch.model.n {
-                let mut model = noisy(&epoch.model, random);
+                let mut model = epoch.noisy(random);
                 let faulty = drawn_rows(random, epoch.model.n, count);
                 for row in &faulty {
                     model.residual_m[*row] += signed_size_m(random, [size_m, size_m]);
@@ -410,12 +415,12 @@ pub fn several(seed: u64, epochs: &[SkyEpoch], count: usize) -> Result<Vec<SizeP
 /// # Errors
 /// When a monitor is not configured.
 pub fn counts(seed: u64, epochs: &[SkyEpoch], biases_m: &[f64]) -> Result<Counts> {
-    let mut monitors = Monitors::new(P_FALSE_ALARM[0])?;
+    let mut monitors = Monitors::new(P_FALSE_ALARM[0], biases_m.len())?;
     let epoch = epochs
         .iter()
         .max_by_key(|epoch| epoch.model.n)
         .context("six hours without an epoch")?;
-    let mut model = noisy(&epoch.model, &mut stream(seed, 0));
+    let mut model = epoch.noisy(&mut stream(seed, 0));
     // Every third row: satellites are in order of name, and neighbours often in one plane.
     for (row, bias_m) in (1..).step_by(3).zip(biases_m) {
         model.residual_m[row] += bias_m;
@@ -457,8 +462,7 @@ pub fn counts(seed: u64, epochs: &[SkyEpoch], biases_m: &[f64]) -> Result<Counts
 ///
 /// # Errors
 /// As its parts.
-pub fn assess(trials: u64, seed: u64, every_s: u32) -> Result<ConsensusResult> {
-    let epochs = super::gps_hours::epochs(MASK_DEG, every_s);
+pub fn assess(trials: u64, seed: u64, epochs: &[SkyEpoch]) -> Result<ConsensusResult> {
     let few = (trials / 10).max(1);
     let numbers = || epochs.iter().map(|epoch| epoch.model.n);
     Ok(ConsensusResult {
@@ -474,30 +478,28 @@ pub fn assess(trials: u64, seed: u64, every_s: u32) -> Result<ConsensusResult> {
         satellites: [numbers().min().unwrap_or(0), numbers().max().unwrap_or(0)],
         sweeps: P_FALSE_ALARM
             .into_iter()
-            .map(|p| Ok((p, sweep(seed, &epochs, p)?)))
+            .map(|p| Ok((p, sweep(seed, epochs, p)?)))
             .collect::<Result<_>>()?,
         several: [2, 3]
             .into_iter()
-            .map(|count| Ok((count, several(seed, &epochs, count)?)))
+            .map(|count| Ok((count, several(seed, epochs, count)?)))
             .collect::<Result<_>>()?,
         counts: vec![
-            counts(seed, &epochs, &[30.0])?,
-            counts(seed, &epochs, &[30.0, -25.0])?,
-            counts(seed, &epochs, &[30.0, -25.0, 40.0])?,
+            counts(seed, epochs, &[30.0])?,
+            counts(seed, epochs, &[30.0, -25.0])?,
+            counts(seed, epochs, &[30.0, -25.0, 40.0])?,
         ],
     })
 }
 
-/// Runs the campaign; writes its result and beside it tables and a picture.
+/// Runs the campaign under the sky that GPS broadcast, which lies in a folder; writes its result and beside it
+/// tables and a picture.
 ///
 /// # Errors
-/// When a monitor is not configured or a file cannot be written.
-pub fn run(trials: u64, seed: u64, out: &Path) -> Result<()> {
-    let result = assess(trials, seed, EVERY_S)?;
-    super::write_result(
-        out,
-        &result,
-        report::tables(&result),
-        report::figure(&result),
-    )
+/// When the sky is absent, a monitor is not configured or a file cannot be written.
+pub fn run(data: &Path, trials: u64, seed: u64, out: &Path) -> Result<()> {
+    let sky = GpsSky::broadcast(&BroadcastSky::read(data)?, MASK_DEG, EVERY_S);
+    let result = assess(trials, seed, &sky.epochs)?;
+    let figure = report::figure(&result);
+    super::write_result(out, &result, report::tables(&result), figure)
 }

@@ -8,8 +8,9 @@ use surefix_core::gnss::weights::RowSigma;
 use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
 
+use crate::campaign::gps_hours::SkyEpoch;
 use crate::simulate::inertial::measurements::sigma_pseudorange_m;
-use crate::simulate::noise::{normal, uniform};
+use crate::simulate::noise::uniform;
 
 /// Sine of the mask, 5°.
 const SIN_MASK: f64 = 0.087_155_742_747_658_17;
@@ -24,18 +25,9 @@ const SYSTEMS: [&[System]; 3] = [
 /// BDS satellites from this number on are not geostationary.
 const FIRST_PRN: u8 = 6;
 
-/// A sky without errors.
-#[derive(Clone, Debug)]
-pub struct RandomSky {
-    /// Residuals zero.
-    pub model: LinearModel,
-    /// Its rows.
-    pub rows: Vec<UsedRow>,
-}
-
 /// `n` satellites evenly over the sky above 5°, of 1 to 3 constellations in turn; sigmas are those of the
-/// simulator.
-pub fn sky(random: &mut impl Rng, n: usize, constellations: usize) -> RandomSky {
+/// simulator, residuals zero.
+pub fn sky(random: &mut impl Rng, n: usize, constellations: usize) -> SkyEpoch {
     let systems = SYSTEMS[constellations - 1];
     let mut model = LinearModel::EMPTY;
     (model.n, model.m) = (n, 3 + constellations);
@@ -68,17 +60,11 @@ pub fn sky(random: &mut impl Rng, n: usize, constellations: usize) -> RandomSky 
             },
         });
     }
-    RandomSky { model, rows }
-}
-
-/// The model with an error of one sigma on each row.
-pub fn noisy(model: &LinearModel, random: &mut impl Rng) -> LinearModel {
-    let mut noisy = model.clone();
-    let rows = noisy.residual_m.iter_mut().zip(&noisy.sigma_m);
-    for (residual_m, sigma_m) in rows.take(model.n) {
-        *residual_m += sigma_m * normal(random);
+    SkyEpoch {
+        t_s: 0.0,
+        model,
+        rows,
     }
-    noisy
 }
 
 /// Different rows drawn at random.

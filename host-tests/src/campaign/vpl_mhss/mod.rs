@@ -6,8 +6,9 @@
 //! satellite and epoch; and healthy epochs are counted for false exclusions. The rule as printed (the set
 //! of smallest level wins) and the rule with a margin ([`surefix_core::raim::vpl_mhss`]) see the same epochs.
 //!
-//! [P4] states neither its almanac nor its sigma. Skies: `sky.rs`. The sigma is what its position errors
-//! and dilutions of precision say together, [`SIGMA_M`]. `report.rs` prints and draws.
+//! [P4] states neither its almanac nor its sigma. Skies: that of the simulator ([`super::gps_hours`]) and that of a
+//! day (`sky.rs`), which has more satellites. The sigma is what the position errors and dilutions of
+//! precision of [P4] say together, [`SIGMA_M`]. `report.rs` prints and draws.
 
 pub mod report;
 pub mod sky;
@@ -18,13 +19,13 @@ use anyhow::Result;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use serde::Serialize;
-use surefix_core::linalg::LinearModel;
 use surefix_core::raim::RaimError;
 use surefix_core::raim::monitors::vpl_mhss::VplConfig;
 use surefix_core::raim::vpl_mhss::{VplSeparation, VplTest};
 
-use crate::simulate::noise::{normal, uniform};
-use sky::{DURATION_S, GpsSky, PLACE, Place};
+use super::gps_hours::{self, DURATION_S, PLACE, SkyEpoch};
+use crate::simulate::noise::uniform;
+use sky::BroadcastSky;
 
 /// Trials unless told otherwise.
 pub const TRIALS: u64 = 20;
@@ -35,6 +36,8 @@ pub const SIGMA_M: f64 = 0.9;
 pub const MASKS_DEG: [f64; 2] = [5.0, 10.0];
 /// Largest error of figure 9, m.
 pub const LARGEST_M: u32 = 40;
+/// Between epochs, s.
+const STEP_S: u32 = 60;
 /// Healthy epochs per geometry and trial.
 const HEALTHY_DRAWS: u64 = 50;
 /// The probability that acceptance of a false exclusion is stated with.
@@ -188,17 +191,6 @@ pub struct VplResult {
     pub levels: Vec<LevelRow>,
 }
 
-/// How much of the experiment is run.
-#[derive(Clone, Copy, Debug)]
-pub struct Extent {
-    /// Times that noise is drawn anew.
-    pub trials: u64,
-    /// Between epochs, s.
-    pub step_s: i64,
-    /// Seed of the noise.
-    pub seed: u64,
-}
-
 fn separation(p_false_alarm: f64) -> Box<VplSeparation> {
     let mut separation = Box::new(VplSeparation::EMPTY);
     if let Err(error) = separation.configure(VplConfig::PRESET.p_level, p_false_alarm) {
@@ -207,37 +199,69 @@ fn separation(p_false_alarm: f64) -> Box<VplSeparation> {
     separation
 }
 
-/// Residuals of one sigma each.
-fn draw(model: &mut LinearModel, random: &mut ChaCha8Rng) {
-    let rows = model.residual_m.iter_mut().zip(&model.sigma_m);
-    for (residual_m, sigma_m) in rows.take(model.n) {
-        *residual_m = sigma_m * normal(random);
+/// A sky above a mask, for the experiments.
+pub struct GpsSky {
+    /// In the tables.
+    pub name: &'static str,
+    /// What it is.
+    pub about: String,
+    /// Elevation mask, degrees.
+    pub mask_deg: f64,
+    /// Epochs of six hours, all rows of [`SIGMA_M`].
+    pub epochs: Vec<SkyEpoch>,
+}
+
+impl GpsSky {
+    /// The slots that every simulation flies under.
+    pub fn simulated(mask_deg: f64, step_s: u32) -> Self {
+        let mut epochs = gps_hours::epochs(mask_deg, step_s);
+        for epoch in &mut epochs {
+            epoch.model.sigma_m.fill(SIGMA_M);
+        }
+        Self {
+            name: "24 slots",
+            about: "the nominal constellation of the simulator".into(),
+            mask_deg,
+            epochs,
+        }
+    }
+
+    /// What was broadcast on a day.
+    pub fn broadcast(sky: &BroadcastSky, mask_deg: f64, step_s: u32) -> Self {
+        let times = (0..DURATION_S).step_by(step_s as usize).map(f64::from);
+        Self {
+            name: "broadcast",
+            about: format!(
+                "what GPS broadcast on 25 June 2020, {} satellites",
+                sky.satellites()
+            ),
+            mask_deg,
+            epochs: times
+                .map(|t_s| sky.epoch(t_s, PLACE, mask_deg, |_| SIGMA_M))
+                .collect(),
+        }
     }
 }
 
 /// The experiments of [P4] on one sky.
-pub fn assess(sky: &GpsSky, mask_deg: f64, extent: &Extent) -> SkyResult {
-    let models: Vec<LinearModel> = (0..DURATION_S)
-        .step_by(extent.step_s as usize)
-        .map(|since_s| sky.model(since_s, PLACE, mask_deg, SIGMA_M))
-        .collect();
-    let counts = || models.iter().map(|model| model.n);
-    let mut random = ChaCha8Rng::seed_from_u64(extent.seed);
+pub fn assess(sky: &GpsSky, trials: u64, seed: u64) -> SkyResult {
+    let counts = || sky.epochs.iter().map(|epoch| epoch.model.n);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
     SkyResult {
         sky: sky.name,
         about: sky.about.clone(),
-        mask_deg,
+        mask_deg: sky.mask_deg,
         satellites: [counts().min().unwrap_or(0), counts().max().unwrap_or(0)],
-        mean_satellites: counts().sum::<usize>() as f64 / models.len() as f64,
-        sizes: sizes(&models, extent.trials, &mut random),
+        mean_satellites: counts().sum::<usize>() as f64 / sky.epochs.len() as f64,
+        sizes: sizes(&sky.epochs, trials, &mut random),
         healthy: [P_ACCEPTED, VplConfig::PRESET.p_false_alarm]
-            .map(|p| healthy(&models, p, extent.trials, &mut random))
+            .map(|p| healthy(&sky.epochs, p, trials, &mut random))
             .to_vec(),
     }
 }
 
 /// Every size of error on every satellite.
-fn sizes(models: &[LinearModel], trials: u64, random: &mut ChaCha8Rng) -> Vec<SizePoint> {
+fn sizes(epochs: &[SkyEpoch], trials: u64, random: &mut ChaCha8Rng) -> Vec<SizePoint> {
     let mut separation = separation(VplConfig::PRESET.p_false_alarm);
     let mut points: Vec<SizePoint> = (0..=LARGEST_M)
         .map(|size_m| SizePoint {
@@ -246,10 +270,9 @@ fn sizes(models: &[LinearModel], trials: u64, random: &mut ChaCha8Rng) -> Vec<Si
         })
         .collect();
     for _ in 0..trials {
-        for geometry in models {
-            for faulty in 0..geometry.n {
-                let mut model = geometry.clone();
-                draw(&mut model, random);
+        for epoch in epochs {
+            for faulty in 0..epoch.model.n {
+                let mut model = epoch.noisy(random);
                 let sign = if uniform(random) < 0.5 { -1.0 } else { 1.0 };
                 let without_m = model.residual_m[faulty];
                 for point in &mut points {
@@ -278,7 +301,7 @@ impl SizePoint {
 }
 
 fn healthy(
-    models: &[LinearModel],
+    epochs: &[SkyEpoch],
     p_false_alarm: f64,
     trials: u64,
     random: &mut ChaCha8Rng,
@@ -291,11 +314,9 @@ fn healthy(
         with_margin: 0,
         as_printed: 0,
     };
-    for geometry in models {
-        let mut model = geometry.clone();
+    for epoch in epochs {
         for _ in 0..trials * HEALTHY_DRAWS {
-            draw(&mut model, random);
-            let Ok(test) = separation.test(&model) else {
+            let Ok(test) = separation.test(&epoch.noisy(random)) else {
                 break;
             };
             healthy.epochs += 1;
@@ -318,38 +339,35 @@ const KINDS: [&str; 3] = [
 const LAWS: [(&str, i32); 2] = [("constant", 0), ("1/sin E", 1)];
 
 /// Levels without a fault by place, law and kind.
-pub fn levels(sky: &GpsSky, extent: &Extent) -> Vec<LevelRow> {
+pub fn levels(sky: &BroadcastSky, step_s: u32, seed: u64) -> Vec<LevelRow> {
     let mut separation = separation(VplConfig::PRESET.p_false_alarm);
-    let mut random = ChaCha8Rng::seed_from_u64(extent.seed);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut rows = Vec::new();
-    let [_, _, height_m] = PLACE;
-    let world: Vec<Place> = (-80..=80)
+    let (_, _, height_m) = PLACE;
+    let world: Vec<_> = (-80..=80)
         .step_by(GRID_DEG)
         .flat_map(|latitude| {
             (-180..180)
                 .step_by(GRID_DEG)
-                .map(move |longitude| [f64::from(latitude), f64::from(longitude), height_m])
+                .map(move |longitude| (f64::from(latitude), f64::from(longitude), height_m))
         })
         .collect();
     // The world is large enough to look less often.
     for (place, places, step_s) in [
-        ("place of [P4]", &[PLACE][..], extent.step_s),
-        ("world", &world[..], 10 * extent.step_s),
+        ("place of [P4]", &[PLACE][..], step_s),
+        ("world", &world[..], 10 * step_s),
     ] {
         for (law, exponent) in LAWS {
             let mut levels = [[Levels::default(); 2]; KINDS.len()];
             for at in places {
                 // Parallels are shorter towards the poles.
-                let weight = libm::cos(at[0].to_radians());
-                for since_s in (0..DURATION_S).step_by(step_s as usize) {
+                let weight = libm::cos(at.0.to_radians());
+                for t_s in (0..DURATION_S).step_by(step_s as usize) {
                     for (mask, mask_deg) in MASKS_DEG.into_iter().enumerate() {
-                        let mut model = sky.model(since_s, *at, mask_deg, 1.0);
-                        for (sigma_m, row) in model.sigma_m.iter_mut().zip(&model.design) {
-                            if row[2] < 0.0 {
-                                *sigma_m = (-row[2]).powi(-exponent);
-                            }
-                        }
-                        let found = kinds_m(model, &mut separation, &mut random);
+                        let epoch = sky.epoch(f64::from(t_s), *at, mask_deg, |sin_elevation| {
+                            sin_elevation.powi(-exponent)
+                        });
+                        let found = kinds_m(&epoch, &mut separation, &mut random);
                         for (levels, level_m) in levels.iter_mut().zip(found) {
                             levels[mask].book(level_m, weight);
                         }
@@ -369,7 +387,7 @@ pub fn levels(sky: &GpsSky, extent: &Extent) -> Vec<LevelRow> {
 
 /// Levels of the kinds of [`KINDS`]; NaN where there is none.
 fn kinds_m(
-    mut model: LinearModel,
+    epoch: &SkyEpoch,
     separation: &mut VplSeparation,
     random: &mut ChaCha8Rng,
 ) -> [f64; KINDS.len()] {
@@ -377,10 +395,10 @@ fn kinds_m(
         Ok(test) if test.untestable.is_none() => test.vpl_m,
         _ => f64::NAN,
     };
-    let without_errors_m = level_m(separation.test(&model));
+    let without_errors_m = level_m(separation.test(&epoch.model));
     let alone_m = separation.k_vertical() * separation.sigma_up_m();
-    draw(&mut model, random);
-    [alone_m, without_errors_m, level_m(separation.test(&model))]
+    let with_errors_m = level_m(separation.test(&epoch.noisy(random)));
+    [alone_m, without_errors_m, with_errors_m]
 }
 
 /// Runs the campaign on the simulator's sky and on that of a day; writes its result and beside it tables
@@ -389,12 +407,9 @@ fn kinds_m(
 /// # Errors
 /// When the navigation file is absent or unusable, or a file cannot be written.
 pub fn run(data: &Path, trials: u64, seed: u64, out: &Path) -> Result<()> {
-    let skies = [GpsSky::broadcast(data)?, GpsSky::simulated()];
-    let extent = Extent {
-        trials,
-        step_s: 60,
-        seed,
-    };
+    let sky = BroadcastSky::read(data)?;
+    let skies = MASKS_DEG.map(|mask_deg| GpsSky::broadcast(&sky, mask_deg, STEP_S));
+    let slots = MASKS_DEG.map(|mask_deg| GpsSky::simulated(mask_deg, STEP_S));
     let result = VplResult {
         campaign: "vpl-mhss",
         seed,
@@ -402,9 +417,10 @@ pub fn run(data: &Path, trials: u64, seed: u64, out: &Path) -> Result<()> {
         sigma_m: SIGMA_M,
         skies: skies
             .iter()
-            .flat_map(|sky| MASKS_DEG.map(|mask_deg| assess(sky, mask_deg, &extent)))
+            .chain(&slots)
+            .map(|sky| assess(sky, trials, seed))
             .collect(),
-        levels: levels(&skies[0], &extent),
+        levels: levels(&sky, STEP_S, seed),
     };
     super::write_result(
         out,
