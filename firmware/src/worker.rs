@@ -6,6 +6,7 @@ use crate::ring::Ring;
 #[cfg(feature = "sensors")]
 use crate::samples::{self, Samples, Timed};
 use crate::sensors::{self, Next};
+use core::sync::atomic::{AtomicBool, Ordering};
 use surefix_core::bank_report::BankReport;
 use surefix_core::config::Config;
 use surefix_core::integrity::{Integrity, Reason};
@@ -14,6 +15,7 @@ use surefix_core::report::REPORT_FRAME_LENGTH;
 use surefix_core::satellite_report::SatelliteReport;
 use surefix_core::sentences::{self, MAX_SENTENCES_BYTES};
 use surefix_core::tight::{BankMemory, MonitorFastFilters, MonitorSecondaries};
+use surefix_core::time::GpsTime;
 use surefix_core::wire::native::MAX_FRAME;
 use surefix_core::{ingest, report};
 
@@ -45,6 +47,8 @@ pub struct Worker {
     taken: u32,
     /// Interval between two epochs, ns.
     interval_ns: Option<i64>,
+    /// GNSS time by the board's clock, and where its ticks stood then; `None` before the first epoch.
+    clock: Option<(GpsTime, u32)>,
     #[cfg(feature = "real-time")]
     observed: Observed,
 }
@@ -58,6 +62,14 @@ pub fn receive(receiver: &mut board::Receiver) {
         ARRIVED.note(RECEIVED.written(), RECEIVED.is_empty(), board::ticks);
         RECEIVED.push(byte);
     }
+}
+
+/// The board's clock has gone on, and the worker shall look at it.
+static LISTEN: AtomicBool = AtomicBool::new(false);
+
+/// In the interrupt of the system timer.
+pub fn listen() {
+    LISTEN.store(true, Ordering::Relaxed);
 }
 
 /// When there is nothing else to do: sends the log, sleeps.
@@ -92,12 +104,12 @@ struct Observed {
 
 /// Whether the stream has ended and all was told.
 #[cfg(feature = "real-time")]
-static ENDED: core::sync::atomic::AtomicBool = core::sync::atomic::AtomicBool::new(false);
+static ENDED: AtomicBool = AtomicBool::new(false);
 
 /// Whether the stream has ended and all but the log has been sent.
 #[cfg(feature = "real-time")]
 pub fn has_ended() -> bool {
-    ENDED.load(core::sync::atomic::Ordering::Relaxed)
+    ENDED.load(Ordering::Relaxed)
 }
 
 const _: () = assert!(MAX_SENTENCES_BYTES <= MAX_FRAME);
@@ -146,6 +158,7 @@ impl Worker {
             lost_logged: 0,
             taken: 0,
             interval_ns: None,
+            clock: None,
             #[cfg(feature = "real-time")]
             observed: Observed::default(),
         }
@@ -171,6 +184,10 @@ impl Worker {
                 self.observed.most_waiting = self.observed.most_waiting.max(waiting);
             }
             let most = match self.next() {
+                Next::Nothing if LISTEN.swap(false, Ordering::Relaxed) => {
+                    self.hear_nothing();
+                    return;
+                }
                 Next::Nothing => return,
                 Next::Bytes(most) => most.min(CHUNK),
                 Next::Arrival => {
@@ -235,6 +252,22 @@ impl Worker {
         }
     }
 
+    /// With all taken that came: whether an epoch is overdue by the board's own clock. The last epoch set it, at
+    /// its last byte, so that it is behind by what the receiver took to send it, and never ahead.
+    fn hear_nothing(&mut self) {
+        let (Some(rate), Some((time, then))) = (board::ticks_per_second(), self.clock) else {
+            return;
+        };
+        let ticks = board::ticks();
+        // Asked for much more often than the ticks wrap.
+        let since = i64::from(ticks.wrapping_sub(then));
+        let now = time.plus_ns(since * 1_000_000_000 / i64::from(rate.max(1)));
+        self.clock = Some((now, ticks));
+        if let Some(Ready::Epoch) = self.monitor.tick(now) {
+            self.epoch(ticks);
+        }
+    }
+
     fn take(&mut self, mut bytes: &[u8]) {
         loop {
             let (used, ready) = self.monitor.push(bytes);
@@ -284,6 +317,10 @@ impl Worker {
         };
         let mut report =
             board::undisturbed(|| self.monitor.process_with(&mut self.cycles, Some(memory)));
+        // Not one that was missed.
+        if report.n_observed > 0 {
+            self.clock = Some((report.time, came));
+        }
         #[cfg(feature = "sensors")]
         // One that ended incomplete was ended by the next, a second later.
         if report.n_observed > 0 && !report.flags.incomplete {
@@ -332,6 +369,8 @@ impl Worker {
 
     #[inline(never)]
     fn end(&mut self) {
+        // What comes after the end is no silence.
+        self.clock = None;
         let mut counters = self.monitor.counters();
         counters.receiver_bytes_lost = self.received.lost();
         if let Ok(length) = counters.encode(&mut self.frame) {
@@ -370,7 +409,7 @@ impl Worker {
         #[cfg(feature = "sensors")]
         self.tell_sensors();
         self.acknowledge.tell(b'T', &numbers);
-        ENDED.store(true, core::sync::atomic::Ordering::Relaxed);
+        ENDED.store(true, Ordering::Relaxed);
     }
 
     /// What became of the lines, the time and the units.

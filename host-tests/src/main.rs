@@ -63,9 +63,10 @@ struct ReplayArguments {
     #[arg(long, value_name = "FILE")]
     nav: Vec<PathBuf>,
     /// Recording of an inertial unit: CSV as described in section `[imu]` of the file of --config, or
-    /// surefix's own frames
+    /// surefix's own frames; given two or three times, CSV of as many units that vote, described in sections
+    /// `[[imu.unit]]`
     #[arg(long, value_name = "FILE")]
-    imu: Option<PathBuf>,
+    imu: Vec<PathBuf>,
     /// Recording of a barometer: CSV with the columns week, tow_s, pressure_pa, temperature_c; makes it an aid,
     /// as section `[aids.barometer]` of the file of --config does with numbers of its own
     #[arg(long, value_name = "FILE")]

@@ -16,6 +16,7 @@ pub mod sensors;
 mod told;
 
 use std::fmt;
+use std::str::FromStr;
 use std::time::Duration;
 
 use anyhow::{Context, Result, anyhow, bail};
@@ -91,6 +92,10 @@ pub struct Args {
     /// Fault of a unit on the bus, `UNIT:silent|stuck:T0:T1`
     #[arg(long = "unit-fault", value_name = "SPEC", requires = "units")]
     pub unit_faults: Vec<UnitFault>,
+    /// Nothing comes over the line from T0 to T1, s from the first epoch, neither epochs nor samples: what does the
+    /// board say by its own clock?
+    #[arg(long, value_name = "T0:T1", conflicts_with_all = ["units", "slow"])]
+    pub silence: Option<Silence>,
 }
 
 impl Default for Args {
@@ -107,7 +112,40 @@ impl Default for Args {
             units: 0,
             format: Format::Rtcm3,
             unit_faults: Vec::new(),
+            silence: None,
         }
+    }
+}
+
+/// A time without a byte on the line, s from the first epoch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Silence {
+    /// Its begin.
+    pub from_s: f64,
+    /// Its end.
+    pub to_s: f64,
+}
+
+impl Silence {
+    fn holds(&self, since_first_s: f64) -> bool {
+        (self.from_s..self.to_s).contains(&since_first_s)
+    }
+}
+
+impl FromStr for Silence {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parsed = text.split_once(':').and_then(|(from, to)| {
+            Some(Self {
+                from_s: from.parse().ok()?,
+                to_s: to.parse().ok()?,
+            })
+        });
+        parsed
+            .filter(|silence| silence.from_s > 0.0 && silence.to_s > silence.from_s)
+            .filter(|silence| silence.to_s.is_finite())
+            .ok_or_else(|| format!("\"{text}\" is no span of time: give seconds as 20:25"))
     }
 }
 
@@ -226,6 +264,15 @@ fn prepare(args: &Args) -> Result<(Scenario, Line)> {
     if let Some(last) = all.last_mut() {
         last.bytes.extend(end);
     }
+    if let Some(silence) = args.silence {
+        let first = scenario.start;
+        let (head, tail) = all.split_at(1);
+        let spoken = tail[..tail.len() - 1]
+            .iter()
+            .filter(|piece| !silence.holds(piece.due.seconds_since(first)));
+        let spoken = head.iter().chain(spoken).chain(tail.last());
+        all = spoken.cloned().collect();
+    }
     let mut line = Line::new(all, if args.slow { SLOW_DOWN } else { 1 })?;
     if args.units > 0 {
         line.ppm = CLOCK_PPM;
@@ -278,7 +325,6 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
     let on_bus = fleet
         .map(|fleet| on_bus(&fleet, &told, &there))
         .transpose()?;
-    let is_same = is_same(&there.output[..end], &here, on_bus.as_ref());
     let read = |bytes: &[u8]| {
         let mut reader = OutputReader::default();
         reader.push(bytes);
@@ -292,6 +338,16 @@ pub fn fly(args: &Args, progress: &mut dyn FnMut(u64)) -> Result<Outcome> {
             told.epochs.len()
         );
     }
+    let is_same = match args.silence {
+        None => is_same(&there.output[..end], &here, on_bus.as_ref()),
+        Some(silence) => {
+            // This machine has no clock: it is told of a silence by what comes after, and told of none of it.
+            let before =
+                |report: &&EpochReport| report.since_first_ns as f64 / 1e9 < silence.from_s;
+            let count = host.reports.iter().filter(before).count();
+            count > 0 && board.reports.get(..count) == host.reports.get(..count)
+        }
+    };
     let seconds = |ticks: u64| ticks as f64 / line.ticks_per_second as f64;
     let ages_s = board.reports.iter().zip(&told.epochs);
     let ages_s = ages_s
@@ -425,6 +481,32 @@ impl Outcome {
             .count()
     }
 
+    /// Reports of epochs within the silence that was asked for.
+    pub fn of_silence(&self) -> Vec<&EpochReport> {
+        let within = |report: &&EpochReport| {
+            let since_s = report.since_first_ns as f64 / 1e9;
+            self.args
+                .silence
+                .is_some_and(|silence| silence.holds(since_s))
+        };
+        self.reports.iter().filter(within).collect()
+    }
+
+    /// Whether every epoch of the silence has its report, and none may be used.
+    fn tells_silence(&self) -> bool {
+        let Some(silence) = self.args.silence else {
+            return true;
+        };
+        let told = self.of_silence();
+        let due = (silence.to_s - silence.from_s) * f64::from(self.args.rate_hz);
+        // Those at both ends may fall on either side.
+        (told.len() as f64 - due).abs() <= 1.0
+            && told.iter().all(|report| {
+                report.verdict.reason == Reason::ReceiverSilent
+                    && !report.verdict.integrity.is_usable()
+            })
+    }
+
     /// Whether what was to be shown is shown: with its whole clock the board's answers are those of this
     /// machine, and on their line before the next epoch is due; cut to a tenth none that is late is usable.
     pub fn holds(&self) -> bool {
@@ -432,6 +514,7 @@ impl Outcome {
         let is_in_time = self.deadline_misses == 0
             && self.withdrawn() == 0
             && self.is_same
+            && self.tells_silence()
             && worst(&self.ages_s) + line_s < self.deadline_s();
         let is_true = self.on_bus.as_ref().is_none_or(OnBus::holds);
         self.late_and_usable() == 0 && is_true && (self.args.slow || is_in_time)
@@ -609,10 +692,10 @@ impl fmt::Display for Outcome {
         writeln!(
             f,
             "bytes of this machine          {}",
-            if self.is_same {
-                "the same"
-            } else {
-                "different"
+            match (self.is_same, args.silence) {
+                (false, _) => "different",
+                (true, None) => "the same",
+                (true, Some(_)) => "reports the same up to the silence",
             }
         )?;
         write!(

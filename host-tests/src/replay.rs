@@ -287,8 +287,8 @@ pub struct ReplayOptions {
     pub truth: TruthChoice,
     /// The monitor's configuration.
     pub config: Config,
-    /// Recording of an inertial unit.
-    pub imu: Option<PathBuf>,
+    /// Recordings of inertial units: none, of one, or of each that votes.
+    pub imu: Vec<PathBuf>,
     /// What a configuration file says of it.
     pub imu_settings: Option<ImuSettings>,
     /// The aids.
@@ -313,7 +313,7 @@ impl ReplayOptions {
             nav: Vec::new(),
             truth: TruthChoice::FromRecording,
             config: Config::PRESET,
-            imu: None,
+            imu: Vec::new(),
             imu_settings: None,
             aids: AidsConfig::NONE,
             barometer: None,
@@ -428,10 +428,8 @@ pub fn run(
     if let Err(error) = options.config.check() {
         bail!("the configuration is not legal: {error:?}");
     }
-    let imu = options
-        .imu
-        .as_ref()
-        .map(|path| imu::read(path, options.imu_settings.as_ref()))
+    let imu = (!options.imu.is_empty())
+        .then(|| imu::read_all(&options.imu, options.imu_settings.as_ref()))
         .transpose()?;
     let stream = source::stream_with(
         &options.gnss,
@@ -544,7 +542,7 @@ struct InputSummary<'a> {
     gnss: String,
     nav: Vec<String>,
     format: &'a str,
-    imu: Option<String>,
+    imu: Vec<String>,
     imu_samples: u64,
     faults: Vec<String>,
     seed: u64,
@@ -638,6 +636,12 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
             &output::errors_csv(&result.reports, &result.errors_enu_m),
         )?;
     }
+    let names = |paths: &[PathBuf]| -> Vec<String> {
+        paths
+            .iter()
+            .map(|path| path.display().to_string())
+            .collect()
+    };
     let config = &options.config;
     let systems = surefix_core::gnss::System::ALL
         .iter()
@@ -648,13 +652,9 @@ pub fn write(options: &ReplayOptions, result: &ReplayResult, directory: &Path) -
         surefix: env!("CARGO_PKG_VERSION"),
         input: InputSummary {
             gnss: options.gnss.display().to_string(),
-            nav: options
-                .nav
-                .iter()
-                .map(|path| path.display().to_string())
-                .collect(),
+            nav: names(&options.nav),
             format: &result.info.format,
-            imu: options.imu.as_ref().map(|path| path.display().to_string()),
+            imu: names(&options.imu),
             imu_samples: result.info.imu_samples,
             faults: options.faults.iter().map(|f| f.to_string()).collect(),
             seed: options.seed,

@@ -68,7 +68,9 @@ fn walk() -> Option<(ReplayOptions, Track)> {
         .extend(shared(&format!("{folder}/derived_convbin.nav")));
     let settings = Settings::read(&example("walk-adis16465.toml")).unwrap();
     options.config = settings.config().unwrap();
-    options.imu = shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"));
+    options.imu = shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"))
+        .into_iter()
+        .collect();
     options.imu_settings = settings.imu;
     let track = shared(&format!("{folder}/gnss_1730_sf.pos"))?;
     Some((options, Track::read(&track, GEOID_M).unwrap()))
@@ -234,7 +236,7 @@ fn a_walk_against_rtk() {
         options.config.ionosphere = ionosphere;
         let tight = replay::run(&options, &mut |_, _| {}).unwrap();
         let alone = ReplayOptions {
-            imu: None,
+            imu: Vec::new(),
             imu_settings: None,
             ..options.clone()
         };
@@ -367,7 +369,7 @@ fn drive(satellites: usize) -> Option<(ReplayOptions, Hybrid)> {
     .unwrap();
     hybrid::write(&hybrid, &out).unwrap();
     let mut options = ReplayOptions::new(out.join("receiver.rtcm3"));
-    options.imu = Some(out.join("imu.sfx"));
+    options.imu = vec![out.join("imu.sfx")];
     options.config = Config {
         ionosphere: IonosphereModel::None,
         ..Config::PRESET

@@ -45,7 +45,7 @@ fn recording(gnss: PathBuf, imu: PathBuf, settings: &str, truth: &Path) -> Repla
         phase: options.config.phase,
         ..settings.config().unwrap()
     };
-    options.imu = Some(imu);
+    options.imu = vec![imu];
     options.imu_settings = settings.imu;
     options.truth = TruthChoice::Given(Truth::read(truth).unwrap());
     options

@@ -151,7 +151,7 @@ fn flight(name: &str, folder: &str, more: &[&str]) -> ReplayOptions {
         .unwrap();
     assert!(done.status.success(), "{done:?}");
     let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));
-    options.imu = Some(folder.join("imu.sfx"));
+    options.imu = vec![folder.join("imu.sfx")];
     options.truth = TruthChoice::Given(Truth::read(&folder.join("truth.csv")).unwrap());
     options
 }
@@ -226,7 +226,9 @@ fn a_walk_with_an_inertial_unit() {
     let mut options = ReplayOptions::new(gnss);
     let shared = |name: &str| common::shared(&format!("{folder}/{name}"));
     options.nav.extend(shared("derived_convbin.nav"));
-    options.imu = shared("derived_imu_gpst_unfiltered.csv");
+    options.imu = shared("derived_imu_gpst_unfiltered.csv")
+        .into_iter()
+        .collect();
     options.config = settings.config().unwrap();
     options.imu_settings = settings.imu;
     if let Some(result) = on_both(options) {
@@ -258,7 +260,7 @@ fn a_drive_that_loses_its_satellites() {
     .unwrap();
     hybrid::write(&hybrid, &out).unwrap();
     let mut options = ReplayOptions::new(out.join("receiver.rtcm3"));
-    options.imu = Some(out.join("imu.sfx"));
+    options.imu = vec![out.join("imu.sfx")];
     options.config.ionosphere = IonosphereModel::None;
     if let Some(result) = on_both(options) {
         assert!(tight_epochs(&result) > 60);
@@ -284,7 +286,7 @@ fn a_drive_that_is_loosely_coupled() {
     std::fs::write(&unit, lines.join("\n")).unwrap();
     let settings = Settings::read(&example("car-adis16465.toml")).unwrap();
     let mut options = ReplayOptions::new(short);
-    options.imu = Some(unit);
+    options.imu = vec![unit];
     options.config = settings.config().unwrap();
     options.imu_settings = settings.imu;
     options.fixes.outages = vec!["60:70".parse().unwrap(), "110:120".parse().unwrap()];
@@ -322,7 +324,9 @@ fn a_walk_by_nav_pvt_alone() {
     std::fs::write(&path, kept).unwrap();
     let settings = Settings::read(&example("walk-adis16465.toml")).unwrap();
     let mut options = ReplayOptions::new(path);
-    options.imu = common::shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"));
+    options.imu = common::shared(&format!("{folder}/derived_imu_gpst_unfiltered.csv"))
+        .into_iter()
+        .collect();
     options.config = settings.config().unwrap();
     options.imu_settings = settings.imu;
     if let Some(result) = on_both(options) {

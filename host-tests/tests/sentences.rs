@@ -518,7 +518,7 @@ fn flights_with_an_inertial_unit() {
             .unwrap();
         assert!(done.status.success(), "{done:?}");
         let mut options = ReplayOptions::new(folder.join("receiver.rtcm3"));
-        options.imu = Some(folder.join("imu.sfx"));
+        options.imu = vec![folder.join("imu.sfx")];
         options.truth = TruthChoice::Given(Truth::read(&folder.join("truth.csv")).unwrap());
         let epochs = read_back(&options, name);
         let usable = epochs

@@ -587,7 +587,7 @@ fn a_flight_of_ubx_and_inertial_samples_is_flown_in_tight_mode() {
     std::fs::write(&gnss, receiver_bytes(&flown, &radio).unwrap()).unwrap();
     std::fs::write(&imu, imu_bytes(&flown).unwrap()).unwrap();
     let mut options = ReplayOptions::new(gnss);
-    options.imu = Some(imu);
+    options.imu = vec![imu];
     options.config.ionosphere = IonosphereModel::None;
     let reports = replay::run(&options, &mut |_, _| {}).unwrap().reports;
     let tight = reports

@@ -70,10 +70,6 @@ fn lint(workspace: &Workspace, stages: &mut Stages) {
     let others = [
         ("real time", &["--features", "real-time"][..]),
         ("SPI bridge", &["--features", "spi-bridge"]),
-        (
-            "h743 with sensors",
-            &["--no-default-features", "--features", "board-h743,sensors"],
-        ),
     ];
     for (name, features) in boards.into_iter().chain(others) {
         stages.run(&format!("clippy: {name}"), || {

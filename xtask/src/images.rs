@@ -22,10 +22,14 @@ pub struct Board {
 }
 
 /// The board of CI last: its images are what cargo's folder then holds.
-pub const BOARDS: [Board; 2] = [
+pub const BOARDS: [Board; 3] = [
     Board {
         name: "h743",
         features: &["--no-default-features", "--features", "board-h743"],
+    },
+    Board {
+        name: "h743-sensors",
+        features: &["--no-default-features", "--features", "board-h743,sensors"],
     },
     Board {
         name: "mps2",

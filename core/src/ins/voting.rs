@@ -64,6 +64,8 @@ const WAIT_HALVES: i64 = 5;
 const WAIT_CELLS: i64 = RING as i64 - 4;
 /// A unit that is behind by more than this and its own interval is silent, ns: what an intake bridges.
 const SILENT_NS: i64 = 50_000_000;
+/// So many valid samples make up for an invalid one.
+const INVALID_PART: i64 = 8;
 /// A unit that is behind by no more than this and its own interval is there, ns.
 const ALIVE_NS: i64 = 30_000_000;
 /// Time that leaps ahead of all others by more than this is not believed, ns.
@@ -139,6 +141,8 @@ struct Unit {
     is_failing: bool,
     /// Samples of others since its last.
     since: u8,
+    /// Length of the samples that it called invalid, ns, less that of a part of the valid ones since.
+    invalid_ns: i64,
     /// A sample was refused because its time lay too far ahead.
     leapt: bool,
     /// Samples in a row in which each axis gave the same, and what.
@@ -161,6 +165,7 @@ impl Unit {
         healthy_s: 0,
         is_failing: false,
         since: ALIVE_SAMPLES,
+        invalid_ns: 0,
         leapt: false,
         repeated: [0; 6],
         last: [0.0; 6],
@@ -170,6 +175,21 @@ impl Unit {
 
     fn is_used(&self) -> bool {
         self.state == UnitState::Used
+    }
+
+    /// Notes what it says of its sample. Few invalid ones are missing ones, which the grid bridges; false when
+    /// they are more than that, or it is out already.
+    fn is_sound(&mut self, is_valid: bool) -> bool {
+        if is_valid {
+            self.invalid_ns = (self.invalid_ns - self.interval_ns / INVALID_PART).max(0);
+            return true;
+        }
+        self.since = 0;
+        self.invalid_ns = self
+            .invalid_ns
+            .saturating_add(self.interval_ns)
+            .min(2 * SILENT_NS);
+        self.is_used() && self.invalid_ns <= SILENT_NS
     }
 
     /// Counts how often each axis gave the same.
@@ -207,6 +227,8 @@ pub struct Voting {
     /// The next cell of the output.
     next: Option<i64>,
     newest: Option<GpsTime>,
+    /// Time of the newest sample that was called invalid.
+    heard: Option<GpsTime>,
     /// When the grid began.
     begun: Option<GpsTime>,
     lengths: [u32; LEVELS],
@@ -237,6 +259,7 @@ impl Voting {
         cell_s: 0.0,
         next: None,
         newest: None,
+        heard: None,
         begun: None,
         lengths: [0; LEVELS],
         quantiles: Quantiles::EMPTY,
@@ -340,6 +363,7 @@ impl Voting {
     /// The next sample begins a new grid.
     fn restart_grid(&mut self) {
         (self.next, self.newest, self.begun) = (None, None, None);
+        self.heard = None;
         self.history = [None; 2];
         self.withheld = 0;
         for unit in &mut self.units {

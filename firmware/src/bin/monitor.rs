@@ -3,6 +3,7 @@
 //! | task | priority | what it does |
 //! |---|---|---|
 //! | `stamp` | 4, interrupts of the sensors' lines | with sensors: when, and after how many bytes; wakes `sample` |
+//! | `listen` | 3, interrupt of the system timer | wakes `work`, which asks whether an epoch is overdue |
 //! | `receive` | 3, interrupt of the receiver's UART | byte into the ring, wakes `work` |
 //! | `sample` | 2, pended by `stamp` and by an alarm | with sensors: serves their drivers, wakes `work` |
 //! | `work` | 1, pended by the others | ring and samples to monitor; assesses epochs, sends their reports and sentences |
@@ -52,6 +53,12 @@ mod app {
     #[task(binds = RECEIVER, priority = 3, local = [receiver])]
     fn receive(context: receive::Context) {
         worker::receive(context.local.receiver);
+        rtic::pend(Interrupt::WORKER);
+    }
+
+    #[task(binds = SysTick, priority = 3)]
+    fn listen(_: listen::Context) {
+        worker::listen();
         rtic::pend(Interrupt::WORKER);
     }
 
@@ -175,6 +182,12 @@ mod app {
     #[task(binds = RECEIVER, priority = 3, local = [receiver])]
     fn receive(context: receive::Context) {
         worker::receive(context.local.receiver);
+        rtic::pend(Interrupt::WORKER);
+    }
+
+    #[task(binds = SysTick, priority = 3)]
+    fn listen(_: listen::Context) {
+        worker::listen();
         rtic::pend(Interrupt::WORKER);
     }
 

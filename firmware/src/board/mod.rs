@@ -35,6 +35,9 @@ mod parts;
 mod protection;
 pub mod stack;
 
+use cortex_m::peripheral::SYST;
+use cortex_m::peripheral::syst::SystClkSource;
+
 /// The devices of a started board, each with one owner.
 pub struct Ports {
     /// Bytes of the GNSS receiver.
@@ -54,6 +57,22 @@ pub struct Ports {
     /// The sensors.
     #[cfg(feature = "sensors")]
     pub parts: crate::sensors::Parts<'static>,
+}
+
+/// Interrupts of the system timer in a second: what a silent receiver is noticed later by.
+const LISTENED_HZ: u32 = 100;
+
+/// Starts the system timer, where time is kept.
+fn start_listening(timer: &mut SYST) {
+    let Some(reload) = ticks_per_second().and_then(|rate| (rate / LISTENED_HZ).checked_sub(1))
+    else {
+        return;
+    };
+    timer.set_clock_source(SystClkSource::Core);
+    timer.set_reload(reload);
+    timer.clear_current();
+    timer.enable_interrupt();
+    timer.enable_counter();
 }
 
 /// One entry of the vector table.

@@ -31,9 +31,7 @@ use core::f64::consts::PI;
 use embedded_hal::spi::{Operation, SpiDevice};
 
 use super::supervision::{Due, Soundness, Supervision};
-use super::{
-    DriverCounters, Fault, InertialReading, InertialUnit, Phase, Readings, Supervised, bus,
-};
+use super::{Fault, InertialReading, InertialUnit, Readings, Supervised, bus};
 
 mod register {
     pub const DIAG_STAT: u8 = 0x02;
@@ -523,20 +521,8 @@ fn words(bytes: &[u8]) -> impl Iterator<Item = u16> + '_ {
 }
 
 impl<S: SpiDevice> Supervised for Adis<S> {
-    fn phase(&self) -> Phase {
-        self.supervision.phase()
-    }
-
-    fn next_ns(&self) -> u64 {
-        self.supervision.next_ns()
-    }
-
-    fn counters(&self) -> DriverCounters {
-        self.supervision.counters()
-    }
-
-    fn interval_ns(&self) -> u32 {
-        self.supervision.interval_ns()
+    fn supervision(&self) -> &Supervision {
+        &self.supervision
     }
 }
 

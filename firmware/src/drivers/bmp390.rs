@@ -23,7 +23,7 @@ use embedded_hal::spi::SpiDevice;
 
 use super::registers::Registers;
 use super::supervision::{Due, Soundness, Supervision};
-use super::{Barometer, DriverCounters, Fault, Phase, PressureReading, Supervised};
+use super::{Barometer, Fault, PressureReading, Supervised};
 
 mod register {
     pub const CHIP_ID: u8 = 0x00;
@@ -308,20 +308,8 @@ fn crc(bytes: &[u8]) -> u8 {
 }
 
 impl<S: SpiDevice> Supervised for Bmp390<S> {
-    fn phase(&self) -> Phase {
-        self.supervision.phase()
-    }
-
-    fn next_ns(&self) -> u64 {
-        self.supervision.next_ns()
-    }
-
-    fn counters(&self) -> DriverCounters {
-        self.supervision.counters()
-    }
-
-    fn interval_ns(&self) -> u32 {
-        self.supervision.interval_ns()
+    fn supervision(&self) -> &Supervision {
+        &self.supervision
     }
 }
 

@@ -40,9 +40,7 @@ use embedded_hal::spi::SpiDevice;
 
 use super::registers::Registers;
 use super::supervision::{Due, Soundness, Supervision};
-use super::{
-    DriverCounters, Fault, InertialReading, InertialUnit, MAX_READINGS, Phase, Readings, Supervised,
-};
+use super::{Fault, InertialReading, InertialUnit, MAX_READINGS, Readings, Supervised};
 
 mod register {
     pub const DEVICE_CONFIG: u8 = 0x11;
@@ -572,20 +570,8 @@ fn is_answer(answer_lsb: f64, code: u8, absolute_lsb: (f64, f64)) -> bool {
 }
 
 impl<S: SpiDevice> Supervised for Icm42688<S> {
-    fn phase(&self) -> Phase {
-        self.supervision.phase()
-    }
-
-    fn next_ns(&self) -> u64 {
-        self.supervision.next_ns()
-    }
-
-    fn counters(&self) -> DriverCounters {
-        self.supervision.counters()
-    }
-
-    fn interval_ns(&self) -> u32 {
-        self.supervision.interval_ns()
+    fn supervision(&self) -> &Supervision {
+        &self.supervision
     }
 }
 

@@ -21,7 +21,7 @@ use embedded_hal::spi::SpiDevice;
 
 use super::registers::Registers;
 use super::supervision::{Due, Soundness, Supervision};
-use super::{DriverCounters, Fault, MagneticReading, Magnetometer, Phase, Supervised};
+use super::{Fault, MagneticReading, Magnetometer, Supervised};
 
 mod register {
     pub const WHO_AM_I: u8 = 0x0f;
@@ -239,20 +239,8 @@ fn axes(bytes: &[u8; 6]) -> [i16; 3] {
 }
 
 impl<S: SpiDevice> Supervised for Lis3mdl<S> {
-    fn phase(&self) -> Phase {
-        self.supervision.phase()
-    }
-
-    fn next_ns(&self) -> u64 {
-        self.supervision.next_ns()
-    }
-
-    fn counters(&self) -> DriverCounters {
-        self.supervision.counters()
-    }
-
-    fn interval_ns(&self) -> u32 {
-        self.supervision.interval_ns()
+    fn supervision(&self) -> &Supervision {
+        &self.supervision
     }
 }
 

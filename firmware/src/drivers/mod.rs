@@ -28,6 +28,7 @@ use embedded_hal::spi::ErrorKind;
 use surefix_core::ins::{ImuSample, MagneticSample, PressureSample, UnitSample};
 use surefix_core::time::GpsTime;
 
+use supervision::Supervision;
 pub use supervision::{DriverCounters, Phase};
 
 /// Most readings that one call of [`InertialUnit::service`] gives.
@@ -179,18 +180,29 @@ pub enum Fault {
 
 /// What all drivers can be asked.
 pub trait Supervised {
+    /// What the driver keeps of its part.
+    fn supervision(&self) -> &Supervision;
+
     /// Whether it gives readings.
-    fn phase(&self) -> Phase;
+    fn phase(&self) -> Phase {
+        self.supervision().phase()
+    }
 
     /// When `service` is due at the latest, ns, on the clock of the caller: the next step of a start, or
     /// the end of the time within which a reading must come.
-    fn next_ns(&self) -> u64;
+    fn next_ns(&self) -> u64 {
+        self.supervision().next_ns()
+    }
 
     /// What became of readings and starts since the driver was made.
-    fn counters(&self) -> DriverCounters;
+    fn counters(&self) -> DriverCounters {
+        self.supervision().counters()
+    }
 
     /// Interval between readings, ns, as configured.
-    fn interval_ns(&self) -> u32;
+    fn interval_ns(&self) -> u32 {
+        self.supervision().interval_ns()
+    }
 }
 
 /// Samples with time, validity and temperature.

@@ -335,7 +335,7 @@ pub fn drive(data: &Path, examples: &Path, work: &Path, seed: u64) -> Result<Vec
     .into_iter()
     .map(|(name, aids)| {
         let mut options = ReplayOptions::new(work.join("receiver.rtcm3"));
-        options.imu = Some(work.join("imu.sfx"));
+        options.imu = vec![work.join("imu.sfx")];
         options.config.ionosphere = IonosphereModel::None;
         options.truth = TruthChoice::Given(Truth::read(&work.join("truth.csv"))?);
         options.aids = aids;

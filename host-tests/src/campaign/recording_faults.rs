@@ -150,7 +150,7 @@ fn at_esbjerg(folders: &Folders<'_>, seed: u64, file: &str) -> Result<Subject> {
     };
     let work = folders.work.join("esbc");
     static_imu::write(&request, start, end, &work)?;
-    options.imu = Some(work.join("imu.sfx"));
+    options.imu = vec![work.join("imu.sfx")];
     options.imu_settings = Settings::read(&work.join("UNIT.toml"))?.imu;
     options.truth = TruthChoice::Given(Truth::fixed(r_e_m, "RINEX header APPROX POSITION XYZ"));
     Ok(Subject {
@@ -174,7 +174,7 @@ pub fn walk(folders: &Folders<'_>) -> Result<Subject> {
     let settings = Settings::read(&folders.examples.join("walk-adis16465.toml"))?;
     options.config = settings.config()?;
     options.config.ionosphere = IonosphereModel::Klobuchar;
-    options.imu = Some(data.join("derived_imu_gpst_unfiltered.csv"));
+    options.imu = vec![data.join("derived_imu_gpst_unfiltered.csv")];
     options.imu_settings = settings.imu;
     let track = Track::read(&data.join("gnss_1730_sf.pos"), WALK_GEOID_M)?;
     let work = folders.work.join("walk");
@@ -220,7 +220,7 @@ fn on_the_drive(
     change(&mut args);
     hybrid::write(&hybrid::synthesise(&args)?, &work)?;
     let mut options = ReplayOptions::new(work.join("receiver.rtcm3"));
-    options.imu = Some(work.join("imu.sfx"));
+    options.imu = vec![work.join("imu.sfx")];
     options.config.ionosphere = IonosphereModel::None;
     options.truth = TruthChoice::Given(Truth::read(&work.join("truth.csv"))?);
     Ok(Subject {

@@ -49,28 +49,17 @@ pub struct Recorded {
 /// to do.
 pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
     let bytes = read_unzipped(path)?;
-    let name = path.display();
-    if bytes
-        .windows(2)
-        .take(4096)
-        .enumerate()
-        .any(|(k, pair)| pair == b"SF" && Frame::parse(bytes.get(k..).unwrap_or_default()).is_ok())
-    {
-        return read_frames(&bytes, settings).with_context(|| format!("{name}"));
+    if holds_frames(&bytes) {
+        return read_frames(&bytes, settings).with_context(|| format!("{}", path.display()));
     }
-    let section = "docs/examples holds such files";
     let Some(settings) = settings else {
         bail!(
-            "--imu {name}: say what the unit is in a section [imu] of the file of --config; {section}"
+            "--imu {}: say what the unit is in a section [imu] of the file of --config; docs/examples holds such files",
+            path.display()
         );
     };
-    let Some(file) = settings.file() else {
-        bail!("--imu {name}: say what its columns hold in a section [imu.file]; {section}");
-    };
     let unit = settings.inertial_config()?;
-    let text = String::from_utf8_lossy(&bytes);
-    let (samples, bad_lines) =
-        read_csv(&text, file, settings.interval_ns()?).with_context(|| format!("{name}"))?;
+    let (samples, bad_lines) = read_csv_file(path, &String::from_utf8_lossy(&bytes), settings)?;
     Ok(Recorded {
         unit,
         magnetometer: settings.magnetometer()?,
@@ -80,6 +69,48 @@ pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
         unit_samples: Vec::new(),
         bad_lines,
     })
+}
+
+/// Whether a file holds surefix's own frames and no text.
+fn holds_frames(bytes: &[u8]) -> bool {
+    bytes
+        .windows(2)
+        .take(4096)
+        .enumerate()
+        .any(|(k, pair)| pair == b"SF" && Frame::parse(bytes.get(k..).unwrap_or_default()).is_ok())
+}
+
+/// The text of a CSV file.
+///
+/// # Errors
+/// When it cannot be read, or holds frames.
+pub(super) fn csv_text(path: &Path) -> Result<String> {
+    let bytes = read_unzipped(path)?;
+    if holds_frames(&bytes) {
+        bail!(
+            "--imu {}: surefix's own frames hold all units in one file; give it alone, without sections [[imu.unit]]",
+            path.display()
+        );
+    }
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// The samples of the text of a CSV file, and the number of lines without one.
+///
+/// # Errors
+/// When the settings do not fit it, or it holds no sample.
+pub(super) fn read_csv_file(
+    path: &Path,
+    text: &str,
+    settings: &ImuSettings,
+) -> Result<(Vec<ImuSample>, u64)> {
+    let name = path.display();
+    let Some(file) = settings.file() else {
+        bail!(
+            "--imu {name}: say what its columns hold in a section [imu.file]; docs/examples holds such files"
+        );
+    };
+    read_csv(text, file, settings.interval_ns()?).with_context(|| format!("{name}"))
 }
 
 impl Recorded {

@@ -15,6 +15,7 @@ use surefix_core::ins::{
     MAX_LATENCY_NS, Magnetometer, MeasurementFactors, SensorRange,
 };
 
+use super::units::UnitSettings;
 use crate::simulate::inertial::sensors::Grade;
 
 /// Standard gravity, m/s², by definition.
@@ -27,21 +28,24 @@ const DEG_PER_H: f64 = core::f64::consts::PI / 180.0 / 3600.0;
 #[serde(deny_unknown_fields)]
 pub struct ImuSettings {
     /// Nominal samples per second.
-    rate_hz: f64,
+    pub(super) rate_hz: f64,
     /// Preset of noise and first biases.
-    grade: Grade,
+    pub(super) grade: Grade,
     /// How long after its instant an epoch of the receiver arrives.
     receiver_latency_s: Option<f64>,
-    file: Option<FileSettings>,
-    mounting: Option<Mounting>,
-    lever_arm: LeverArm,
-    range: Range,
-    noise: Option<Noise>,
+    pub(super) file: Option<FileSettings>,
+    pub(super) mounting: Option<Mounting>,
+    pub(super) lever_arm: LeverArm,
+    pub(super) range: Range,
+    pub(super) noise: Option<Noise>,
     clock: Clock,
     measurement: Option<Measurement>,
     start: Start,
     magnetometer: Option<MagnetometerSettings>,
-    sigma: Option<Sigma>,
+    pub(super) sigma: Option<Sigma>,
+    /// Units that vote, each with a recording of its own.
+    #[serde(default, rename = "unit")]
+    pub(super) units: Vec<UnitSettings>,
 }
 
 /// Section `[imu.file]`: what the columns of a CSV file mean.
@@ -113,7 +117,7 @@ pub(super) enum TimeScale {
 /// Section `[imu.mounting]`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Mounting {
+pub(super) struct Mounting {
     roll_deg: f64,
     pitch_deg: f64,
     yaw_deg: f64,
@@ -122,15 +126,15 @@ struct Mounting {
 /// Section `[imu.lever_arm]`: places in body axes against any one point.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct LeverArm {
-    imu_m: [f64; 3],
+pub(super) struct LeverArm {
+    pub(super) imu_m: [f64; 3],
     antenna_m: [f64; 3],
 }
 
 /// Section `[imu.range]`.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Range {
+pub(super) struct Range {
     rate_deg_per_s: f64,
     specific_force_g: f64,
 }
@@ -138,7 +142,7 @@ struct Range {
 /// Section `[imu.noise]`: what the data sheet says in place of the grade.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Noise {
+pub(super) struct Noise {
     gyro_deg_per_s_sqrt_hz: Option<f64>,
     accel_ug_per_sqrt_hz: Option<f64>,
     gyro_bias_walk_deg_per_s_sqrt_s: Option<f64>,
@@ -216,13 +220,13 @@ struct MagnetometerSettings {
 /// Section `[imu.sigma]`: what is known of the first state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Sigma {
+pub(super) struct Sigma {
     position_m: Option<f64>,
     velocity_mps: Option<f64>,
     roll_pitch_deg: Option<f64>,
     heading_deg: Option<f64>,
-    gyro_bias_deg_per_h: Option<f64>,
-    accel_bias_mg: Option<f64>,
+    pub(super) gyro_bias_deg_per_h: Option<f64>,
+    pub(super) accel_bias_mg: Option<f64>,
     clock_bias_m: Option<f64>,
     clock_drift_mps: Option<f64>,
 }

@@ -1,12 +1,14 @@
 //! ADIS16465, ADIS16470, ADIS16505.
 
-use embedded_hal::spi::ErrorKind;
 use proptest::prelude::*;
 use surefix_firmware::drivers::adis::{Adis, Burst, Config, Model, NoBurst32, Rate};
 use surefix_firmware::drivers::{Fault, InertialReading};
 use surefix_host_tests::parts::{self, Bus, Motion, Part};
 
-use crate::rig::{Rig, check_each_bus_error};
+use crate::rig::{
+    Rig, check_each_bus_error, check_stuck_line, check_test_made_once, check_wires_at_a_start,
+    check_wires_while_running,
+};
 
 type AdisRig = Rig<Adis<Bus<parts::adis::Adis>>, parts::adis::Adis>;
 
@@ -142,15 +144,9 @@ fn a_start_with_something_wrong_is_told_and_tried_again() {
     rig().check_start_fault(Wrong::WrongId, |fault| {
         fault == Fault::WrongIdentity { read: 16_466 }
     });
-    rig().check_start_fault(Wrong::AllOnes, |fault| fault == Fault::Stuck { high: true });
-    rig().check_start_fault(Wrong::AllZeros, |fault| {
-        fault == Fault::Stuck { high: false }
-    });
+    check_wires_at_a_start(rig);
     rig().check_start_fault(Wrong::ResetStuck, |fault| {
         fault == Fault::Stuck { high: false }
-    });
-    rig().check_start_fault(Wrong::BusError, |fault| {
-        fault == Fault::Bus(ErrorKind::Overrun)
     });
     rig().check_start_fault(Wrong::SelfTestFails, |fault| {
         fault == Fault::SelfTest { status: 0x20 }
@@ -196,26 +192,7 @@ fn a_part_of_another_range_is_refused() {
 fn what_goes_wrong_on_the_wires_gives_no_reading_and_starts_the_part_again() {
     use parts::Fault as Wrong;
     for rig in [rig, rig_32] {
-        rig().started().check_running_fault(
-            Wrong::AllOnes,
-            |fault| fault == Fault::Stuck { high: true },
-            |counters| counters.stuck,
-        );
-        rig().started().check_running_fault(
-            Wrong::AllZeros,
-            |fault| fault == Fault::Stuck { high: false },
-            |counters| counters.stuck,
-        );
-        rig().started().check_running_fault(
-            Wrong::BusError,
-            |fault| fault == Fault::Bus(ErrorKind::Overrun),
-            |counters| counters.bus,
-        );
-        rig().started().check_running_fault(
-            Wrong::Silent,
-            |fault| matches!(fault, Fault::Silent { since_ns } if since_ns >= 10_000_000),
-            |counters| counters.silent,
-        );
+        check_wires_while_running(rig);
         rig().started().check_running_fault(
             Wrong::StuckDataReady { active: false },
             |fault| matches!(fault, Fault::Silent { .. }),
@@ -234,20 +211,7 @@ fn what_goes_wrong_on_the_wires_gives_no_reading_and_starts_the_part_again() {
 
 #[test]
 fn a_line_that_stays_active_repeats_nothing() {
-    let mut rig = rig().started();
-    rig.break_with(parts::Fault::StuckDataReady { active: true });
-    rig.run_ns(2_000_000_000);
-    // Between restarts readings are taken as they come, each once.
-    assert!(rig.faults.iter().all(|fault| *fault == Fault::Repeated));
-    assert!(rig.counters().repeated >= 5);
-    for pair in rig.readings.windows(2) {
-        assert!(pair[1].time_ns > pair[0].time_ns);
-    }
-    rig.mend();
-    rig.run_ns(1_000_000_000);
-    rig.run_ns(1_000_000_000);
-    assert_eq!(rig.faults, []);
-    assert_eq!(rig.readings.len(), 200);
+    check_stuck_line(rig().started(), |reading| reading.time_ns);
 }
 
 #[test]
@@ -343,13 +307,7 @@ fn rate_hz(rig: &AdisRig) -> f64 {
 
 #[test]
 fn a_test_of_the_sensors_that_was_passed_is_not_repeated() {
-    let mut rig = rig().started();
-    rig.break_with(parts::Fault::AllOnes);
-    rig.run_ns(100_000_000);
-    // Motion would make it fail now.
-    rig.break_with(parts::Fault::SelfTestFails);
-    rig.run_ns(2_000_000_000);
-    assert!(rig.is_running());
+    check_test_made_once(rig().started());
 }
 
 /// INT-076.

@@ -2,13 +2,15 @@
 
 use std::f64::consts::PI;
 
-use embedded_hal::spi::ErrorKind;
 use proptest::prelude::*;
 use surefix_firmware::drivers::icm42688::{AccelRange, Config, GyroRange, Icm42688, Rate};
 use surefix_firmware::drivers::{Fault, InertialReading};
 use surefix_host_tests::parts::{self, Bus, Motion, Part};
 
-use crate::rig::{Rig, check_each_bus_error};
+use crate::rig::{
+    Rig, check_each_bus_error, check_stuck_line, check_test_made_once, check_wires_at_a_start,
+    check_wires_while_running,
+};
 
 type IcmRig = Rig<Icm42688<Bus<parts::icm42688::Icm42688>>, parts::icm42688::Icm42688>;
 
@@ -91,13 +93,7 @@ fn a_start_with_something_wrong_is_told_and_tried_again() {
     rig().check_start_fault(Wrong::WrongId, |fault| {
         fault == Fault::WrongIdentity { read: 0x44 }
     });
-    rig().check_start_fault(Wrong::AllOnes, |fault| fault == Fault::Stuck { high: true });
-    rig().check_start_fault(Wrong::AllZeros, |fault| {
-        fault == Fault::Stuck { high: false }
-    });
-    rig().check_start_fault(Wrong::BusError, |fault| {
-        fault == Fault::Bus(ErrorKind::Overrun)
-    });
+    check_wires_at_a_start(rig);
     // The x gyroscope.
     rig().check_start_fault(Wrong::SelfTestFails, |fault| {
         fault == Fault::SelfTest { status: 1 << 3 }
@@ -156,26 +152,7 @@ fn a_part_without_the_factory_s_codes_is_held_to_the_absolute_limits() {
 #[test]
 fn what_goes_wrong_on_the_wires_gives_no_reading_and_starts_the_part_again() {
     use parts::Fault as Wrong;
-    rig().started().check_running_fault(
-        Wrong::AllOnes,
-        |fault| fault == Fault::Stuck { high: true },
-        |counters| counters.stuck,
-    );
-    rig().started().check_running_fault(
-        Wrong::AllZeros,
-        |fault| fault == Fault::Stuck { high: false },
-        |counters| counters.stuck,
-    );
-    rig().started().check_running_fault(
-        Wrong::BusError,
-        |fault| fault == Fault::Bus(ErrorKind::Overrun),
-        |counters| counters.bus,
-    );
-    rig().started().check_running_fault(
-        Wrong::Silent,
-        |fault| matches!(fault, Fault::Silent { since_ns } if since_ns >= 20_000_000),
-        |counters| counters.silent,
-    );
+    check_wires_while_running(rig);
     rig().started().check_running_fault(
         Wrong::StuckDataReady { active: false },
         |fault| matches!(fault, Fault::Silent { .. }),
@@ -190,16 +167,7 @@ fn what_goes_wrong_on_the_wires_gives_no_reading_and_starts_the_part_again() {
 
 #[test]
 fn a_line_that_stays_active_repeats_nothing() {
-    let mut rig = rig().started();
-    rig.break_with(parts::Fault::StuckDataReady { active: true });
-    rig.run_ns(2_000_000_000);
-    assert!(rig.faults.iter().all(|fault| *fault == Fault::Repeated));
-    assert!(rig.counters().repeated >= 5);
-    rig.mend();
-    rig.run_ns(1_000_000_000);
-    rig.run_ns(1_000_000_000);
-    assert_eq!(rig.faults, []);
-    assert_eq!(rig.readings.len(), 200);
+    check_stuck_line(rig().started(), |reading| reading.time_ns);
 }
 
 #[test]
@@ -317,12 +285,7 @@ fn numbers_at_their_end_are_not_valid_and_no_reason_to_start_again() {
 
 #[test]
 fn a_test_of_the_sensors_that_was_passed_is_not_repeated() {
-    let mut rig = rig().started();
-    rig.break_with(parts::Fault::AllOnes);
-    rig.run_ns(100_000_000);
-    rig.break_with(parts::Fault::SelfTestFails);
-    rig.run_ns(2_000_000_000);
-    assert!(rig.is_running());
+    check_test_made_once(rig().started());
 }
 
 /// INT-076.

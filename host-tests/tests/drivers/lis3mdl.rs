@@ -1,17 +1,23 @@
 //! LIS3MDL.
 
-use embedded_hal::spi::ErrorKind;
 use proptest::prelude::*;
-use surefix_firmware::drivers::Fault;
 use surefix_firmware::drivers::lis3mdl::Lis3mdl;
-use surefix_host_tests::parts::{self, Bus, Part};
+use surefix_firmware::drivers::{Fault, MagneticReading};
+use surefix_host_tests::parts::{self, Bus};
 
-use crate::rig::{Rig, check_each_bus_error};
+use crate::rig::{
+    Rig, check_each_bus_error, check_each_turned_bit, check_stuck_line, check_test_made_once,
+    check_wires_at_a_start, check_wires_while_running, readings_under_turned_bits,
+};
 
 type LisRig = Rig<Lis3mdl<Bus<parts::lis3mdl::Lis3mdl>>, parts::lis3mdl::Lis3mdl>;
 
 fn rig() -> LisRig {
     Rig::new(parts::lis3mdl::Lis3mdl::new(), Lis3mdl::new)
+}
+
+fn is_same(one: &MagneticReading, other: &MagneticReading) -> bool {
+    one.field_s_ut == other.field_s_ut
 }
 
 /// INT-070.
@@ -44,13 +50,7 @@ fn a_start_with_something_wrong_is_told_and_tried_again() {
     rig().check_start_fault(Wrong::WrongId, |fault| {
         fault == Fault::WrongIdentity { read: 0x40 }
     });
-    rig().check_start_fault(Wrong::AllOnes, |fault| fault == Fault::Stuck { high: true });
-    rig().check_start_fault(Wrong::AllZeros, |fault| {
-        fault == Fault::Stuck { high: false }
-    });
-    rig().check_start_fault(Wrong::BusError, |fault| {
-        fault == Fault::Bus(ErrorKind::Overrun)
-    });
+    check_wires_at_a_start(rig);
     rig().check_start_fault(Wrong::ResetStuck, |fault| fault == Fault::ResetNotDone);
     // The y axis.
     rig().check_start_fault(Wrong::SelfTestFails, |fault| {
@@ -72,26 +72,7 @@ fn a_start_with_something_wrong_is_told_and_tried_again() {
 #[test]
 fn what_goes_wrong_gives_no_reading_and_starts_the_part_again() {
     use parts::Fault as Wrong;
-    rig().started().check_running_fault(
-        Wrong::AllOnes,
-        |fault| fault == Fault::Stuck { high: true },
-        |counters| counters.stuck,
-    );
-    rig().started().check_running_fault(
-        Wrong::AllZeros,
-        |fault| fault == Fault::Stuck { high: false },
-        |counters| counters.stuck,
-    );
-    rig().started().check_running_fault(
-        Wrong::BusError,
-        |fault| fault == Fault::Bus(ErrorKind::Overrun),
-        |counters| counters.bus,
-    );
-    rig().started().check_running_fault(
-        Wrong::Silent,
-        |fault| matches!(fault, Fault::Silent { .. }),
-        |counters| counters.silent,
-    );
+    check_wires_while_running(rig);
     rig().started().check_running_fault(
         Wrong::Saturated,
         |fault| fault == Fault::OutOfRange,
@@ -101,11 +82,7 @@ fn what_goes_wrong_gives_no_reading_and_starts_the_part_again() {
 
 #[test]
 fn a_line_that_stays_active_repeats_nothing() {
-    let mut rig = rig().started();
-    rig.break_with(parts::Fault::StuckDataReady { active: true });
-    rig.run_ns(2_000_000_000);
-    assert!(rig.faults.iter().all(|fault| *fault == Fault::Repeated));
-    assert!(rig.counters().repeated >= 5);
+    check_stuck_line(rig().started(), |reading| reading.time_ns);
 }
 
 #[test]
@@ -123,12 +100,7 @@ fn numbers_that_were_written_over_are_counted() {
 
 #[test]
 fn a_test_of_the_sensor_that_was_passed_is_not_repeated() {
-    let mut rig = rig().started();
-    rig.break_with(parts::Fault::AllOnes);
-    rig.run_ns(200_000_000);
-    rig.break_with(parts::Fault::SelfTestFails);
-    rig.run_ns(2_000_000_000);
-    assert!(rig.is_running());
+    check_test_made_once(rig().started());
 }
 
 #[test]
@@ -153,25 +125,7 @@ fn a_register_that_changes_by_itself_is_noticed_and_the_part_configured_again() 
 /// INT-075.
 #[test]
 fn no_single_turned_bit_of_a_call_gives_a_wrong_reading() {
-    let mut rig = rig().started();
-    rig.one_interval();
-    let truth = rig.readings[0];
-    let mut told = 0;
-    for (transfer, bytes) in [(0, 8), (1, 7)] {
-        for bit in 0..8 * bytes {
-            rig.mend();
-            rig.one_interval();
-            rig.mend();
-            rig.part()
-                .faults()
-                .set(parts::Fault::FlipOnce { transfer, bit });
-            rig.one_interval();
-            for reading in &rig.readings {
-                assert_eq!(reading.field_s_ut, truth.field_s_ut);
-            }
-            told += rig.faults.len();
-        }
-    }
+    let told = check_each_turned_bit(rig().started(), [(0, 8), (1, 7)], is_same);
     // Twice 48 bits of data and the one of news.
     assert_eq!(told, 2 * 48 + 1);
 }
@@ -179,22 +133,7 @@ fn no_single_turned_bit_of_a_call_gives_a_wrong_reading() {
 /// A bit is wrong unseen when it turns in both transfers: at one in a thousand 48 · 10⁻⁶ of readings.
 #[test]
 fn random_turned_bits_give_hardly_a_wrong_reading() {
-    let mut rig = rig().started();
-    rig.one_interval();
-    let truth = rig.readings[0];
-    rig.break_with(parts::Fault::FlipBits {
-        probability: 1e-3,
-        seed: 73,
-    });
-    let (mut all, mut wrong) = (0, 0);
-    for _ in 0..400 {
-        rig.run_ns(1_000_000_000);
-        for reading in &rig.readings {
-            all += 1;
-            wrong += u32::from(reading.field_s_ut != truth.field_s_ut);
-        }
-    }
-    println!("turned bits 1e-3: {all} readings, {wrong} of them wrong");
+    let (all, wrong) = readings_under_turned_bits(rig().started(), 73, is_same);
     assert!(all > 20_000);
     // 32 000 readings, 1.5 expected.
     assert!(wrong <= 8, "{wrong}");

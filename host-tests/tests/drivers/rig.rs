@@ -3,11 +3,20 @@
 use std::cell::{RefCell, RefMut};
 use std::rc::Rc;
 
+use embedded_hal::spi::ErrorKind;
+use surefix_firmware::drivers::supervision::SILENT_INTERVALS;
 use surefix_firmware::drivers::{
     Barometer, DriverCounters, Fault, InertialReading, InertialUnit, MagneticReading, Magnetometer,
     Phase, PressureReading, Readings, Supervised,
 };
 use surefix_host_tests::parts::{self, Bus, Motion, Part};
+
+/// What any part may do on the wires, and what its driver says of it.
+const WIRES: [(parts::Fault, Fault); 3] = [
+    (parts::Fault::AllOnes, Fault::Stuck { high: true }),
+    (parts::Fault::AllZeros, Fault::Stuck { high: false }),
+    (parts::Fault::BusError, Fault::Bus(ErrorKind::Overrun)),
+];
 
 /// How finely time runs, ns: the line and the driver's deadline are looked at so often.
 pub const STEP_NS: u64 = 250_000;
@@ -218,6 +227,115 @@ impl<D: Driver, P: Part> Rig<D, P> {
         assert!(self.readings.len() > 20);
         assert!(self.counters().starts > before.starts, "{wrong:?}");
     }
+}
+
+/// What any part may do on the wires while its driver starts it.
+pub fn check_wires_at_a_start<D: Driver, P: Part>(make: impl Fn() -> Rig<D, P>) {
+    for (wrong, told) in WIRES {
+        make().check_start_fault(wrong, |fault| fault == told);
+    }
+}
+
+/// What any part may do on the wires while running, silence included.
+pub fn check_wires_while_running<D: Driver, P: Part>(make: impl Fn() -> Rig<D, P>) {
+    for (wrong, told) in WIRES {
+        make().started().check_running_fault(
+            wrong,
+            |fault| fault == told,
+            |counters| match told {
+                Fault::Bus(_) => counters.bus,
+                _ => counters.stuck,
+            },
+        );
+    }
+    let started = make().started();
+    let least_ns = SILENT_INTERVALS * u64::from(started.driver.interval_ns());
+    started.check_running_fault(
+        parts::Fault::Silent,
+        |fault| matches!(fault, Fault::Silent { since_ns } if since_ns >= least_ns),
+        |counters| counters.silent,
+    );
+}
+
+/// A line that stays active: between restarts readings are taken as they come, each once.
+pub fn check_stuck_line<D: Driver, P: Part>(
+    mut rig: Rig<D, P>,
+    time_ns: impl Fn(&D::Reading) -> u64,
+) {
+    rig.break_with(parts::Fault::StuckDataReady { active: true });
+    rig.run_ns(2_000_000_000);
+    assert!(rig.faults.iter().all(|fault| *fault == Fault::Repeated));
+    assert!(rig.counters().repeated >= 5);
+    for pair in rig.readings.windows(2) {
+        assert!(time_ns(&pair[1]) > time_ns(&pair[0]));
+    }
+    rig.mend();
+    rig.run_ns(1_000_000_000);
+    rig.run_ns(1_000_000_000);
+    assert_eq!(rig.faults, []);
+    let interval_ns = u64::from(rig.driver.interval_ns());
+    assert_eq!(rig.readings.len() as u64, 1_000_000_000 / interval_ns);
+}
+
+/// A sensor's test of itself that was passed is not made again: motion would make it fail.
+pub fn check_test_made_once<D: Driver, P: Part>(mut rig: Rig<D, P>) {
+    rig.break_with(parts::Fault::AllOnes);
+    rig.run_ns(200_000_000);
+    rig.break_with(parts::Fault::SelfTestFails);
+    rig.run_ns(2_000_000_000);
+    assert!(rig.is_running());
+}
+
+/// Each bit of each of these transfers of a call turned alone, `bytes` long: what is given is what a clean
+/// call gives. Tells how many were noticed.
+pub fn check_each_turned_bit<D: Driver, P: Part>(
+    mut rig: Rig<D, P>,
+    transfers: [(u32, usize); 2],
+    is_same: impl Fn(&D::Reading, &D::Reading) -> bool,
+) -> usize {
+    rig.one_interval();
+    let truth = rig.readings[0];
+    let mut told = 0;
+    for (transfer, bytes) in transfers {
+        for bit in 0..8 * bytes {
+            rig.mend();
+            rig.one_interval();
+            rig.mend();
+            rig.part()
+                .faults()
+                .set(parts::Fault::FlipOnce { transfer, bit });
+            rig.one_interval();
+            assert!(rig.readings.iter().all(|reading| is_same(reading, &truth)));
+            told += rig.faults.len();
+        }
+    }
+    told
+}
+
+/// Bits turned at random, one in a thousand, for 400 s: how many readings were given, and how many of them wrong.
+pub fn readings_under_turned_bits<D: Driver, P: Part>(
+    mut rig: Rig<D, P>,
+    seed: u64,
+    is_same: impl Fn(&D::Reading, &D::Reading) -> bool,
+) -> (usize, usize) {
+    rig.one_interval();
+    let truth = rig.readings[0];
+    rig.break_with(parts::Fault::FlipBits {
+        probability: 1e-3,
+        seed,
+    });
+    let (mut all, mut wrong) = (0, 0);
+    for _ in 0..400 {
+        rig.run_ns(1_000_000_000);
+        all += rig.readings.len();
+        wrong += rig
+            .readings
+            .iter()
+            .filter(|reading| !is_same(reading, &truth))
+            .count();
+    }
+    println!("turned bits 1e-3: {all} readings, {wrong} of them wrong");
+    (all, wrong)
 }
 
 /// An error of the bus at each of the first transfers, one at a time: it is told once and the driver comes

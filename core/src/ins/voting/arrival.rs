@@ -27,16 +27,23 @@ impl Voting {
         if unit.model.is_none() {
             return;
         }
-        if !sample.is_valid {
-            unit.since = 0;
-            self.isolate(number, UnitFault::Status);
-            return;
-        }
         let time_ns = sample.sample.time.ns();
         let ahead_of =
             |time: Option<GpsTime>| time.map_or(0, |time| time_ns.saturating_sub(time.ns()));
+        let newest = self.newest.max(self.heard);
+        let is_sound = unit.is_sound(sample.is_valid);
+        if !sample.is_valid {
+            // Time goes on when nobody measures.
+            if (1..=MAX_LEAP_NS).contains(&ahead_of(newest)) {
+                self.heard = Some(sample.sample.time);
+            }
+            if !is_sound {
+                self.isolate(number, UnitFault::Status);
+            }
+            return;
+        }
         let leaps = ahead_of(unit.grid.end()) > MAX_LEAP_NS + unit.interval_ns
-            && ahead_of(self.newest) > MAX_LEAP_NS;
+            && ahead_of(newest) > MAX_LEAP_NS;
         // Ahead of all others at once: its clock leapt, or there are no others any longer.
         let next = match self.next {
             Some(next) if !leaps && end < next.saturating_add(RING as i64) => next,
@@ -203,6 +210,7 @@ impl Voting {
             if end_ns.saturating_sub(unit_end_ns) > SILENT_NS.saturating_add(unit.interval_ns) {
                 let cause = match unit.unusable {
                     _ if unit.leapt => UnitFault::Time,
+                    _ if unit.invalid_ns > 0 => UnitFault::Status,
                     (not_finite, _) if not_finite != unusable.0 => UnitFault::NotFinite,
                     (_, saturated) if saturated != unusable.1 => UnitFault::Saturated,
                     _ => UnitFault::Silent,

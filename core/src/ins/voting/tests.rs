@@ -321,6 +321,30 @@ fn each_kind_of_fault_isolates_its_unit_and_no_other() {
     }
 }
 
+/// INT-085. A part that saturates for a moment, or whose FIFO was read late, is not out for a minute.
+#[test]
+fn few_invalid_samples_are_bridged_and_many_isolate() {
+    let mut rig = Rig::three();
+    // Unit 1: one in twenty, and 50 ms once. All three at 30 s, as a knock would have it.
+    rig.run(60.0, |unit, sample| {
+        let ms = sample.sample.time.ns() / 1_000_000;
+        let is_knock = (30_000..30_030).contains(&ms);
+        let is_own = unit == 1 && (ms % 200 == 0 || (45_010..45_050).contains(&ms));
+        sample.is_valid = !is_knock && !is_own;
+        true
+    });
+    assert_eq!(rig.states(), [UnitFault::None; 3]);
+    assert!(rig.output.len() >= 5_990, "{}", rig.output.len());
+
+    // One in four: what is left is not worth having.
+    rig.run(62.0, |unit, sample| {
+        sample.is_valid = unit != 1 || sample.sample.time.ns() / 10_000_000 % 4 != 0;
+        true
+    });
+    let expected = [UnitFault::None, UnitFault::Status, UnitFault::None];
+    assert_eq!(rig.states(), expected);
+}
+
 /// INT-085
 #[test]
 fn a_delayed_unit_is_called_so() {

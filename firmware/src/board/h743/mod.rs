@@ -20,7 +20,7 @@ pub use clock::{Cycles, ticks, ticks_per_second};
 pub use sensors::{Alarm, Bus, Edges, now_ns, present};
 pub use uart::{Acknowledge, BAUD, RECEIVE_DELAY, Receiver, Transmitter};
 
-use super::{Ports, Vector, protection, vector_table};
+use super::{Ports, Vector, protection, start_listening, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors
 
 /// Priority bits of the NVIC. RM0433 19.1.
@@ -71,6 +71,7 @@ pub fn start() -> Ports {
     core.SCB.enable_dcache(&mut core.CPUID);
     clock::start(&chip);
     clock::start_counter(&mut core);
+    start_listening(&mut core.SYST);
     uart::start(&chip);
     #[cfg(feature = "sensors")]
     let (edges, alarm) = sensors::start(&chip);

@@ -31,7 +31,7 @@ pub use uart::{Acknowledge, BAUD, Transmitter};
 #[cfg(not(feature = "real-time"))]
 pub use uart::{RECEIVE_DELAY, Receiver};
 
-use super::{Ports, Vector, protection, vector_table};
+use super::{Ports, Vector, protection, start_listening, vector_table};
 use cortex_m_rt as _; // the reset code and the vectors
 
 /// Priority bits of the NVIC that RTIC may use.
@@ -78,6 +78,7 @@ pub fn start() -> Ports {
     let mut core = unsafe { cortex_m::Peripherals::steal() };
     protection::start(&mut core.MPU);
     clock::start();
+    start_listening(&mut core.SYST);
     #[cfg(feature = "sensors")]
     let (edges, alarm) = bridge::start();
     Ports {
