@@ -230,6 +230,8 @@ pub struct SetupResult {
     pub satellites: [usize; 2],
     /// Every epoch without a fault.
     pub healthy: Counts,
+    /// Those of them in which a fault was seen: number from 1, separation over threshold, satellites taken out.
+    pub seen_without_fault: Vec<String>,
     /// Some with one.
     pub faulted: Vec<FaultResult>,
 }
@@ -324,6 +326,7 @@ fn setup_on(
         .map_err(|error| anyhow::anyhow!("ARAIM takes no such configuration: {error:?}"))?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut healthy = Counts::default();
+    let mut seen_without_fault = Vec::new();
     let mut faulted: Vec<FaultResult> = SIZES_M
         .iter()
         .map(|size_m| format!("{size_m:.0} m"))
@@ -340,12 +343,16 @@ fn setup_on(
             add_noise(&mut model, epoch, &setup.araim, &mut random);
         }
         let mut look = |model: &LinearModel, faulted: RowSet, counts: &mut Counts| {
-            if let Ok(given) = MonitorEpoch::new(model, &epoch.rows) {
-                let verdict = monitor.assess(&given);
-                counts.book(&verdict, monitor, faulted, epoch.at_enu_m);
-            }
+            let given = MonitorEpoch::new(model, &epoch.rows).ok()?;
+            let verdict = monitor.assess(&given);
+            counts.book(&verdict, monitor, faulted, epoch.at_enu_m);
+            Some(verdict)
         };
-        look(&model, RowSet::EMPTY, &mut healthy);
+        if let Some(verdict) = look(&model, RowSet::EMPTY, &mut healthy)
+            && verdict.is_detected()
+        {
+            seen_without_fault.push(seen(number, &verdict, epoch));
+        }
         if number % every != 0 {
             continue;
         }
@@ -370,7 +377,7 @@ fn setup_on(
                     rows
                 }
             };
-            look(&model, rows, &mut result.counts);
+            let _ = look(&model, rows, &mut result.counts);
         }
     }
     let rows = || subject.epochs.iter().map(|epoch| epoch.rows.len());
@@ -380,8 +387,24 @@ fn setup_on(
         systems: place.systems.iter().map(|system| system.letter()).collect(),
         satellites: [rows().min().unwrap_or(0), rows().max().unwrap_or(0)],
         healthy,
+        seen_without_fault,
         faulted,
     })
+}
+
+fn seen(number: usize, verdict: &MonitorVerdict, epoch: &Prepared) -> String {
+    let satellites: Vec<String> = verdict
+        .excluded
+        .iter()
+        .filter_map(|row| epoch.rows.get(row))
+        .map(|row| {
+            let elevation_deg = row.elevation_rad.to_degrees();
+            let (letter, prn) = (row.satellite.system().letter(), row.satellite.prn());
+            format!("{letter}{prn:02} at {elevation_deg:.0}°")
+        })
+        .collect();
+    let ratio = verdict.statistic.unwrap_or(f64::NAN);
+    format!("{} ({ratio:.2}): {}", number + 1, satellites.join(" "))
 }
 
 /// The rows that the monitor takes: the highest where there are too many.

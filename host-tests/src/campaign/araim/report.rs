@@ -42,6 +42,17 @@ pub fn tables(result: &AraimResult) -> String {
             counts.largest_test_ratio,
         );
     }
+    for of in &result.results {
+        if !of.seen_without_fault.is_empty() {
+            let _ = writeln!(
+                text,
+                "\n{}, {}: epochs with a separation above its threshold, the satellites taken out: {}.",
+                name(of),
+                of.setup,
+                of.seen_without_fault.join("; ")
+            );
+        }
+    }
     let _ = writeln!(
         text,
         "\nOne satellite wrong by so much, either sign, or all of the second constellation, each in its own way ({CONSTELLATION_M:.0} m, one sigma):\n\n\
