@@ -69,9 +69,10 @@ pub struct Args {
     /// RINEX 3 or 4 navigation file; may be given several times
     #[arg(long, value_name = "FILE")]
     pub nav: Vec<PathBuf>,
-    /// Recording of an inertial unit, for surefix itself: its filter bank then takes part
+    /// Recording of an inertial unit, for surefix itself, as `surefix replay` takes it: its filter bank then takes
+    /// part; may be given several times
     #[arg(long, value_name = "FILE")]
-    pub imu: Option<PathBuf>,
+    pub imu: Vec<PathBuf>,
     #[command(flatten)]
     /// What positions are compared with
     pub truth: TruthArguments,

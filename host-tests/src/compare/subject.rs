@@ -25,8 +25,8 @@ pub struct Place {
     pub nav: Vec<PathBuf>,
     /// What to compare positions with.
     pub truth: TruthArguments,
-    /// A recorded inertial unit, for the product itself.
-    pub imu: Option<PathBuf>,
+    /// Recorded inertial units, for the product itself.
+    pub imu: Vec<PathBuf>,
 }
 
 impl Place {
@@ -51,7 +51,9 @@ impl Place {
         if truth.is_none() && at.is_none() && at_llh.is_none() {
             *truth = file("truth.csv");
         }
-        self.imu = self.imu.or_else(|| file("imu.sfx"));
+        if self.imu.is_empty() {
+            self.imu.extend(file("imu.sfx"));
+        }
         Ok(self)
     }
 }
@@ -110,7 +112,7 @@ impl Subject {
                 place.gnss.display()
             );
         }
-        let has_samples = place.imu.is_some()
+        let has_samples = !place.imu.is_empty()
             || recording
                 .items
                 .iter()
