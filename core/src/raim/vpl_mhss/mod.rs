@@ -21,7 +21,7 @@
 //!
 //! Departures. Weights are 1/σ² and the separation in (5) is the measured one (ERRATA). A set's level is the
 //! largest over its own hypotheses "one of its satellites is faulty", which bounds the error under each. As
-//! printed the set of smallest level wins: without a fault that is another than the full one in half of all epochs.
+//! printed the set of smallest level wins: without a fault that is another than the full one in up to half of all epochs.
 //! Here the full set fails if its level exceeds T = max_i (k_v σ_i + K σ(s_i)), which N normal variables do with
 //! at most P/2. Satellite i is left out only if the level shrinks by more than a *margin*: with j the hypothesis
 //! that sets the full set's level,
