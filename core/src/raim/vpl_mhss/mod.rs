@@ -45,7 +45,7 @@ use crate::linalg::LinearModel;
 use crate::linalg::qr::WhitenedQr;
 use crate::stats::StatsError;
 use factors::VplFactors;
-use leave_out::{Hypothesis, Row, all_pairs, are_testable, moves, shared};
+use leave_out::{LeftOut, Row, all_pairs, are_testable, moves, shared};
 use nalgebra::{Matrix3, Vector3};
 
 /// A set that lacks one satellite.
@@ -189,7 +189,7 @@ impl VplSeparation {
     }
 
     /// The hypotheses that a set of satellites is tested against, with their rows: of all, or of all but `out`.
-    fn hypotheses(&self, out: Option<usize>) -> impl Iterator<Item = (usize, Hypothesis)> + '_ {
+    fn hypotheses(&self, out: Option<usize>) -> impl Iterator<Item = (usize, LeftOut)> + '_ {
         let lacking = out.and_then(|index| Some((index, self.row(index)?)));
         let rows = self.rows().iter().enumerate();
         rows.filter_map(move |(index, row)| match lacking {
@@ -326,7 +326,7 @@ impl VplSeparation {
     #[inline(never)]
     pub fn hpl_m(&self, out: Option<usize>) -> f64 {
         let mut covariance_enu_m2 = self.covariance_enu_m2;
-        let add = |hypothesis: &Hypothesis, to: Matrix3<f64>| {
+        let add = |hypothesis: &LeftOut, to: Matrix3<f64>| {
             let gain = Vector3::from(hypothesis.gain_enu_m);
             to + gain * gain.transpose() * hypothesis.inverse_cofactor
         };
