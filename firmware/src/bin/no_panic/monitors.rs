@@ -98,7 +98,8 @@ pub fn all() {
         |robust| RobustMonitor::workspace(robust).weights().len(),
         &robust,
     );
-    monitor(&mut VplMonitor::EMPTY, &VplConfig::PRESET, &epoch);
+    let mut vpl = VplMonitor::EMPTY;
+    monitor(&mut vpl, &VplConfig::PRESET, &epoch);
     separations(&model);
     estimators(&model);
 
