@@ -27,7 +27,7 @@
 //!
 //! Assumes directions of unit length, errors independent between rows. Rows without a clock (a height) are refused.
 
-pub(super) mod subsets;
+pub(crate) mod subsets;
 pub mod suspicion;
 
 use super::exclusion::RowSet;
@@ -385,7 +385,7 @@ impl<const CLOCKS: usize> Minimal<CLOCKS> {
 }
 
 /// The members as a set.
-pub(super) fn set_of(members: &[usize]) -> RowSet {
+pub(crate) fn set_of(members: &[usize]) -> RowSet {
     members.iter().copied().fold(RowSet::EMPTY, RowSet::with)
 }
 

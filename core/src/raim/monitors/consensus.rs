@@ -12,9 +12,9 @@
 //! largest share above T_SV is the first candidate; then the subsets without it are counted again, and the row of the
 //! largest share joins it, up to m rows. RANCO's only candidate is the set of its outliers. The first candidate of k
 //! rows without which the rest passes the parity test is excluded, if the redundancy is at
-//! least k + m, and if it has no rival: no other row in place of one of the candidate's may
-//! leave a rest that passes as well. If none is, the fault is detected and in. With less redundancy there are errors of
-//! k rows and of m others that leave the same parity vector, and healthy rows could be taken for faulty ones.
+//! least k + m, and if it has no rival: no other k rows may leave a rest that passes as well. If none is, the fault is
+//! detected and in. With less redundancy there are errors of k rows and of m others that leave the same parity vector,
+//! and healthy rows could be taken for faulty ones.
 //! [P4] excludes what is above T_SV and looks no further; these conditions are departures, because with
 //! few satellites or several faults a count often puts a healthy row first.
 //!
@@ -26,8 +26,9 @@ use super::{
     ConfigureError, EpochMonitor, MonitorEpoch, MonitorVerdict, NoLevels, NotTested, Outcome,
 };
 use crate::linalg::LinearModel;
+use crate::raim::consensus::subsets::Subsets;
 use crate::raim::consensus::suspicion::{Suspicions, outlier_factor, suspicion_threshold};
-use crate::raim::consensus::{ConsensusError, ConsensusWorkspace};
+use crate::raim::consensus::{ConsensusError, ConsensusWorkspace, set_of};
 use crate::raim::exclusion::{MAX_FAULTS, RowSet};
 use crate::raim::{foim, ranco, s_ranco};
 use crate::stats::StatsError;
@@ -161,17 +162,19 @@ impl ConsensusMonitor {
         tested.is_ok_and(|(statistic, limit)| statistic.passes(limit))
     }
 
-    /// Whether with another row in place of one of the candidate's the rest passes as well, or cannot be tested.
+    /// Whether without another set of as many rows the rest passes as well, or cannot be tested.
     fn has_rival(&mut self, candidate: RowSet) -> bool {
-        for kept in candidate.iter() {
-            let others = candidate.iter().filter(|row| *row != kept);
-            let others = others.fold(RowSet::EMPTY, RowSet::with);
-            for row in (0..self.model.n).filter(|row| !candidate.contains(*row)) {
-                let tested = self.agreement.test(&self.model, others.with(row));
-                // What cannot be tested is not ruled out.
-                if tested.is_ok_and(|(statistic, limit)| statistic.sum_of_squares > limit) {
-                    continue;
-                }
+        let mut sets = Subsets::new(self.model.n, candidate.len());
+        while let Some(rows) = sets.next() {
+            let rival = set_of(rows);
+            if rival == candidate {
+                continue;
+            }
+            let tested = self.agreement.test(&self.model, rival);
+            // What cannot be tested is not ruled out.
+            let is_ruled_out =
+                tested.is_ok_and(|(statistic, limit)| statistic.sum_of_squares > limit);
+            if !is_ruled_out {
                 return true;
             }
         }
