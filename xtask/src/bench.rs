@@ -26,6 +26,10 @@ const LEAST_SQUARES: &str = "raim/ls";
 const PARITY_TEST: &str = "raim/parity_test";
 const PARITY: &str = "raim/parity";
 
+/// The suspicions of all subsets, and of those of good geometry, which must be cheaper.
+const S_RANCO: &str = "consensus/s_ranco";
+const FOIM: &str = "consensus/foim";
+
 /// All filters of an epoch, and the bound for correlated errors on top.
 const BANK: &str = "bank/total";
 const CORRELATED: &str = "bank/correlated";
@@ -378,8 +382,29 @@ fn table(rows: &[Row]) -> String {
             ratio(PARITY)
         );
     }
+    for (foim, share) in shares_of_foim(rows) {
+        let _ = writeln!(
+            text,
+            "N = {:>2}, {} unknowns: FOIM / S-RANCO = {share:.2}",
+            foim.n_sats.unwrap_or(0),
+            foim.n_states.unwrap_or(0)
+        );
+    }
     text.push_str(&growth(rows));
     text
+}
+
+/// Every row of FOIM, and its instructions over those of S-RANCO under the same skies.
+fn shares_of_foim(rows: &[Row]) -> Vec<(&Row, f64)> {
+    let share = |foim: &Row| {
+        let of_same = |row: &&Row| {
+            row.stage == S_RANCO && (row.n_sats, row.n_states) == (foim.n_sats, foim.n_states)
+        };
+        let s_ranco = rows.iter().find(of_same)?.instr_median?;
+        Some(foim.instr_median? as f64 / s_ranco as f64)
+    };
+    let foim = rows.iter().filter(|row| row.stage == FOIM);
+    foim.filter_map(|row| Some((row, share(row)?))).collect()
 }
 
 /// How the bank grows with the number of satellites: N, filters, instructions per filter, and the exponent of
@@ -450,6 +475,14 @@ fn judge(rows: &[Row]) -> Result {
             missed.extend(over_bytes(row));
         } else if WALKS.contains(&row.stage.as_str()) {
             missed.extend(over_code(row));
+        }
+    }
+    for (foim, share) in shares_of_foim(rows) {
+        if share >= 1.0 {
+            let n_sats = foim.n_sats.unwrap_or(0);
+            missed.push(format!(
+                "FOIM with {n_sats} satellites takes {share:.2} times what S-RANCO takes"
+            ));
         }
     }
     if missed.is_empty() {

@@ -105,6 +105,9 @@ fn each_subset<const CLOCKS: usize>(
     let mut is_member = [false; MAX_SATELLITES];
     let mut subsets = Subsets::new(workspace.rows().len(), workspace.members());
     while let Some(members) = subsets.next() {
+        if workspace.is_left_out(members) {
+            continue;
+        }
         let Some(minimal) = admitted::<CLOCKS>(workspace, members, limit_squared) else {
             workspace.suspicions.dropped += 1;
             continue;
@@ -117,7 +120,7 @@ fn each_subset<const CLOCKS: usize>(
         workspace.suspect(members, &minimal, factor * factor);
     }
     for row in 0..workspace.rows().len() {
-        if is_member.get(row) == Some(&false) {
+        if is_member.get(row) == Some(&false) && !workspace.is_left_out(&[row]) {
             admit_best::<CLOCKS>(workspace, row, factor);
         }
     }
@@ -131,7 +134,7 @@ fn admit_best<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, row: usiz
     let size = workspace.members();
     let mut subsets = Subsets::new(workspace.rows().len(), size);
     while let Some(members) = subsets.next() {
-        if !members.contains(&row) {
+        if !members.contains(&row) || workspace.is_left_out(members) {
             continue;
         }
         let dilution_squared = if CLOCKS == 1 {

@@ -29,6 +29,9 @@ pub fn count(workspace: &mut ConsensusWorkspace, factor: f64) {
 fn each_subset<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, factor: f64) {
     let mut subsets = Subsets::new(workspace.rows().len(), workspace.members());
     while let Some(members) = subsets.next() {
+        if workspace.is_left_out(members) {
+            continue;
+        }
         match Minimal::<CLOCKS>::solve(workspace.rows(), members) {
             Some(minimal) => workspace.suspect(members, &minimal, factor * factor),
             None => workspace.suspicions.dropped += 1,

@@ -27,7 +27,7 @@
 //!
 //! Assumes directions of unit length, errors independent between rows. Rows without a clock (a height) are refused.
 
-pub(super) mod subsets;
+pub(crate) mod subsets;
 pub mod suspicion;
 
 use super::exclusion::RowSet;
@@ -96,6 +96,7 @@ pub struct ConsensusWorkspace {
     rows: [Row; MAX_SATELLITES],
     n: usize,
     clocks: usize,
+    left_out: RowSet,
     pub(super) suspicions: Suspicions,
     /// E_ij of every pair of rows (`gdop4.rs`).
     pub(super) pairs: [[f64; MAX_SATELLITES]; MAX_SATELLITES],
@@ -107,6 +108,7 @@ impl ConsensusWorkspace {
         rows: [Row::EMPTY; MAX_SATELLITES],
         n: 0,
         clocks: 0,
+        left_out: RowSet::EMPTY,
         suspicions: Suspicions::EMPTY,
         pairs: [[0.0; MAX_SATELLITES]; MAX_SATELLITES],
     };
@@ -118,6 +120,7 @@ impl ConsensusWorkspace {
     pub fn load(&mut self, model: &LinearModel) -> Result<(), ConsensusError> {
         self.n = 0;
         self.clocks = 0;
+        self.left_out = RowSet::EMPTY;
         self.suspicions.clear(0);
         let clocks = model.m.saturating_sub(3);
         if !(1..=MAX_CLOCKS).contains(&clocks) {
@@ -140,6 +143,17 @@ impl ConsensusWorkspace {
         self.n = model.n;
         self.clocks = clocks;
         Ok(())
+    }
+
+    /// Leaves rows out of what is counted from now on, as members and as predicted rows.
+    pub fn leave_out(&mut self, rows: RowSet) {
+        self.left_out = rows;
+    }
+
+    /// Whether a subset has a member that is left out.
+    #[inline]
+    pub(super) fn is_left_out(&self, members: &[usize]) -> bool {
+        !self.left_out.is_empty() && members.iter().any(|row| self.left_out.contains(*row))
     }
 
     /// Clocks of the epoch; 0 without one.
@@ -172,8 +186,11 @@ impl ConsensusWorkspace {
         let rows = self.rows.get(..self.n).unwrap_or(&[]);
         let suspicions = &mut self.suspicions;
         suspicions.subsets += 1;
+        let left_out = self.left_out;
         minimal.each_other(rows, members, |row, prediction| {
-            suspicions.book(row, prediction.is_outlier(factor_squared));
+            if left_out.is_empty() || !left_out.contains(row) {
+                suspicions.book(row, prediction.is_outlier(factor_squared));
+            }
         });
     }
 }
@@ -368,7 +385,7 @@ impl<const CLOCKS: usize> Minimal<CLOCKS> {
 }
 
 /// The members as a set.
-pub(super) fn set_of(members: &[usize]) -> RowSet {
+pub(crate) fn set_of(members: &[usize]) -> RowSet {
     members.iter().copied().fold(RowSet::EMPTY, RowSet::with)
 }
 

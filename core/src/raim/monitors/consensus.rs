@@ -8,12 +8,13 @@
 //! | P_FA | `p_false_alarm` | of an epoch; half of it for the suspicions, half for the parity test |
 //! | m | `max_faults` | most simultaneous faults reckoned with |
 //!
-//! **The rule.** An epoch passes when no row is suspected and all agree by the parity test. Otherwise the one row of the
-//! largest share above T_SV is the candidate, then the two of the largest, then the three; RANCO's candidate is the
-//! set of its outliers. The first candidate of k rows without which the rest passes the parity test is excluded, if
-//! the redundancy is at least k + m, and if it has no rival: no other row in place of one of the candidate's may
-//! leave a rest that passes as well. If none is, the fault is detected and in. With less redundancy there are errors of
-//! k rows and of m others that leave the same parity vector, and healthy rows could be taken for faulty ones.
+//! **The rule.** An epoch passes when no row is suspected and all agree by the parity test. Otherwise the row of the
+//! largest share above T_SV is the first candidate; then the subsets without it are counted again, and the row of the
+//! largest share joins it, up to m rows. RANCO's only candidate is the set of its outliers. The first candidate of k
+//! rows without which the rest passes the parity test is excluded, if the redundancy is at
+//! least k + m, and if it has no rival: no other k rows may leave a rest that passes as well. If none is, the fault is
+//! detected and in. With less redundancy there are errors of k rows and of m others that leave the same parity vector,
+//! and healthy rows could be taken for faulty ones.
 //! [P4] excludes what is above T_SV and looks no further; these conditions are departures, because with
 //! few satellites or several faults a count often puts a healthy row first.
 //!
@@ -25,8 +26,9 @@ use super::{
     ConfigureError, EpochMonitor, MonitorEpoch, MonitorVerdict, NoLevels, NotTested, Outcome,
 };
 use crate::linalg::LinearModel;
+use crate::raim::consensus::subsets::Subsets;
 use crate::raim::consensus::suspicion::{Suspicions, outlier_factor, suspicion_threshold};
-use crate::raim::consensus::{ConsensusError, ConsensusWorkspace};
+use crate::raim::consensus::{ConsensusError, ConsensusWorkspace, set_of};
 use crate::raim::exclusion::{MAX_FAULTS, RowSet};
 use crate::raim::{foim, ranco, s_ranco};
 use crate::stats::StatsError;
@@ -73,9 +75,10 @@ struct Suspected {
     /// The share that was largest, and the one from which on a row is suspected.
     share: f64,
     threshold: f64,
-    is_suspected: bool,
-    /// What may be left out, in order of trial; empty where there is no more.
-    candidates: [RowSet; MAX_FAULTS],
+    /// Beyond how many sigmas of its prediction a row was an outlier.
+    factor: f64,
+    /// What may be left out first; empty where nothing is suspected.
+    candidate: RowSet,
     /// Whether any row was predicted.
     is_tested: bool,
 }
@@ -89,7 +92,7 @@ impl ConsensusMonitor {
         workspace: ConsensusWorkspace::EMPTY,
     };
 
-    /// What S-RANCO or FOIM counted in the last epoch.
+    /// What S-RANCO or FOIM counted last: of the last epoch, without the rows that were the first candidates.
     pub const fn suspicions(&self) -> &Suspicions {
         self.workspace.suspicions()
     }
@@ -106,34 +109,51 @@ impl ConsensusMonitor {
             return Ok(Suspected {
                 share: outliers.len() as f64 / others.max(1) as f64,
                 threshold: 0.0,
-                is_suspected: !outliers.is_empty(),
-                candidates: [outliers, RowSet::EMPTY, RowSet::EMPTY],
+                factor,
+                candidate: outliers,
                 is_tested: found.is_some(),
             });
         }
         let threshold = suspicion_threshold(n, members);
         let factor = outlier_factor(p_suspected, n, threshold)?;
-        if let ConsensusRule::Foim { gdop_limit } = config.rule {
-            foim::count(&mut self.workspace, factor, gdop_limit);
-        } else {
-            s_ranco::count(&mut self.workspace, factor);
-        }
+        self.count(config.rule, factor);
         let suspicions = self.workspace.suspicions();
-        let mut candidates = [RowSet::EMPTY; MAX_FAULTS];
-        let mut so_far = RowSet::EMPTY;
-        for candidate in &mut candidates {
-            if let Some(row) = suspicions.most_suspected(threshold, so_far) {
-                so_far = so_far.with(row);
-                *candidate = so_far;
-            }
-        }
         Ok(Suspected {
             share: suspicions.largest_share(),
             threshold,
-            is_suspected: !so_far.is_empty(),
-            candidates,
+            factor,
+            candidate: self.joined_by_most_suspected(RowSet::EMPTY),
             is_tested: suspicions.is_tested(),
         })
+    }
+
+    fn count(&mut self, rule: ConsensusRule, factor: f64) {
+        match rule {
+            // Counts nothing.
+            ConsensusRule::Ranco => {}
+            ConsensusRule::SRanco => s_ranco::count(&mut self.workspace, factor),
+            ConsensusRule::Foim { gdop_limit } => {
+                foim::count(&mut self.workspace, factor, gdop_limit);
+            }
+        }
+    }
+
+    /// The rows and the one that is most suspected beside them; empty where none is.
+    fn joined_by_most_suspected(&self, rows: RowSet) -> RowSet {
+        let n = self.model.n.saturating_sub(rows.len());
+        let threshold = suspicion_threshold(n, self.workspace.members());
+        let most = self.workspace.suspicions().most_suspected(threshold, rows);
+        most.map_or(RowSet::EMPTY, |row| rows.with(row))
+    }
+
+    /// What is left out together with a candidate that does not explain the epoch; empty where there is no more.
+    fn following(&mut self, rule: ConsensusRule, factor: f64, candidate: RowSet) -> RowSet {
+        if rule == ConsensusRule::Ranco {
+            return RowSet::EMPTY;
+        }
+        self.workspace.leave_out(candidate);
+        self.count(rule, factor);
+        self.joined_by_most_suspected(candidate)
     }
 
     /// Whether the rows that are not left out pass the parity test.
@@ -142,17 +162,19 @@ impl ConsensusMonitor {
         tested.is_ok_and(|(statistic, limit)| statistic.passes(limit))
     }
 
-    /// Whether with another row in place of one of the candidate's the rest passes as well, or cannot be tested.
+    /// Whether without another set of as many rows the rest passes as well, or cannot be tested.
     fn has_rival(&mut self, candidate: RowSet) -> bool {
-        for kept in candidate.iter() {
-            let others = candidate.iter().filter(|row| *row != kept);
-            let others = others.fold(RowSet::EMPTY, RowSet::with);
-            for row in (0..self.model.n).filter(|row| !candidate.contains(*row)) {
-                let tested = self.agreement.test(&self.model, others.with(row));
-                // What cannot be tested is not ruled out.
-                if tested.is_ok_and(|(statistic, limit)| statistic.sum_of_squares > limit) {
-                    continue;
-                }
+        let mut sets = Subsets::new(self.model.n, candidate.len());
+        while let Some(rows) = sets.next() {
+            let rival = set_of(rows);
+            if rival == candidate {
+                continue;
+            }
+            let tested = self.agreement.test(&self.model, rival);
+            // What cannot be tested is not ruled out.
+            let is_ruled_out =
+                tested.is_ok_and(|(statistic, limit)| statistic.sum_of_squares > limit);
+            if !is_ruled_out {
                 return true;
             }
         }
@@ -221,7 +243,7 @@ impl EpochMonitor for ConsensusMonitor {
             Err(error) => return MonitorVerdict::not_tested(NotTested::Stats(error)),
         };
         let agree = statistic.passes(limit);
-        let is_suspected = suspected.is_suspected;
+        let is_suspected = !suspected.candidate.is_empty();
         let mut verdict = MonitorVerdict {
             outcome: Outcome::Passed,
             excluded: RowSet::EMPTY,
@@ -241,23 +263,26 @@ impl EpochMonitor for ConsensusMonitor {
             verdict.threshold = Some(limit);
         }
         verdict.outcome = Outcome::Detected;
-        for candidate in suspected.candidates {
+        let mut candidate = suspected.candidate;
+        for _ in 0..config.max_faults {
             let is_allowed = (1..=config.max_faults).contains(&candidate.len())
                 && statistic.redundancy >= candidate.len() + config.max_faults;
             if !is_allowed {
                 break;
             }
-            if !self.agree_without(candidate) {
-                continue;
+            if self.agree_without(candidate) {
+                // Before the rivals are factored in its place.
+                let position_enu_m = self.agreement.position_enu_m();
+                if !self.has_rival(candidate) {
+                    verdict.outcome = Outcome::Excluded;
+                    verdict.excluded = candidate;
+                    verdict.position_enu_m = Some(position_enu_m);
+                }
+                break;
             }
-            // Before the rivals are factored in its place.
-            let position_enu_m = self.agreement.position_enu_m();
-            if !self.has_rival(candidate) {
-                verdict.outcome = Outcome::Excluded;
-                verdict.excluded = candidate;
-                verdict.position_enu_m = Some(position_enu_m);
+            if candidate.len() < config.max_faults {
+                candidate = self.following(config.rule, suspected.factor, candidate);
             }
-            break;
         }
         verdict
     }

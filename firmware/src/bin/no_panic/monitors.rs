@@ -128,6 +128,7 @@ fn subsets(model: &LinearModel) {
     call2(ConsensusWorkspace::load, &mut workspace, model);
     call1(ConsensusWorkspace::clocks, &workspace);
     call1(ConsensusWorkspace::members, &workspace);
+    call2(ConsensusWorkspace::leave_out, &mut workspace, RowSet::EMPTY);
     call2(ranco::consensus, &workspace, 5.0);
     call2(s_ranco::count, &mut workspace, 5.0);
     call3(foim::count, &mut workspace, 5.0, 15.0);

@@ -54,6 +54,8 @@ pub const P_FALSE_ALARM: [f64; 2] = [1e-3, 3.3333e-7];
 pub const P_MEASURED: f64 = 0.05;
 /// Numbers of satellites under which it is.
 pub const MEASURED_SATELLITES: [usize; 5] = [6, 8, 10, 12, 16];
+/// Members of a subset of one constellation.
+const MEMBERS: usize = 4;
 /// Elevation mask, degrees.
 pub const MASK_DEG: f64 = 5.0;
 
@@ -327,13 +329,13 @@ pub fn false_alarms(seed: u64, trials: u64) -> Result<Vec<FalseAlarms>> {
             let sky = skies::sky(random, n, 1);
             let verdicts = monitors.assess(&sky.noisy(random), &sky.rows)?;
             for (k, verdict) in verdicts.iter().enumerate() {
-                // RANCO's statistic is its share of outliers whenever there are some.
-                let is_suspected = if k == 0 {
-                    verdict.threshold == Some(0.0) && verdict.statistic > Some(0.0)
+                // The threshold tells what decided: the suspicions, or the parity test.
+                let threshold = if k == 0 {
+                    0.0
                 } else {
-                    let largest = monitors.0[k].suspicions().largest_share();
-                    largest > suspicion_threshold(n, 4)
+                    suspicion_threshold(n, MEMBERS)
                 };
+                let is_suspected = verdict.is_detected() && verdict.threshold == Some(threshold);
                 counted.suspected[k] += u64::from(is_suspected);
                 counted.detected[k] += u64::from(verdict.is_detected());
             }
@@ -415,7 +417,8 @@ pub fn several(seed: u64, epochs: &[SkyEpoch], count: usize) -> Result<Vec<SizeP
 /// # Errors
 /// When a monitor is not configured.
 pub fn counts(seed: u64, epochs: &[SkyEpoch], biases_m: &[f64]) -> Result<Counts> {
-    let mut monitors = Monitors::new(P_FALSE_ALARM[0], biases_m.len())?;
+    // Reckoning with one fault they count once.
+    let mut monitors = Monitors::new(P_FALSE_ALARM[0], 1)?;
     let epoch = epochs
         .iter()
         .max_by_key(|epoch| epoch.model.n)
@@ -425,7 +428,8 @@ pub fn counts(seed: u64, epochs: &[SkyEpoch], biases_m: &[f64]) -> Result<Counts
     for (row, bias_m) in (1..).step_by(3).zip(biases_m) {
         model.residual_m[row] += bias_m;
     }
-    let verdicts = monitors.assess(&model, &epoch.rows)?;
+    monitors.assess(&model, &epoch.rows)?;
+    let verdicts = Monitors::new(P_FALSE_ALARM[0], biases_m.len())?.assess(&model, &epoch.rows)?;
     let counted = |method: usize| {
         let suspicions = monitors.0[method].suspicions();
         let outliers = suspicions.outliers().iter().copied();
@@ -448,7 +452,7 @@ pub fn counts(seed: u64, epochs: &[SkyEpoch], biases_m: &[f64]) -> Result<Counts
     Ok(Counts {
         t_s: epoch.t_s,
         satellites: rows().map(|(k, row)| (name(row), bias_of(k))).collect(),
-        threshold: suspicion_threshold(epoch.model.n, 4),
+        threshold: suspicion_threshold(epoch.model.n, MEMBERS),
         s_ranco: counted(S_RANCO),
         foim: counted(FOIM),
         excluded: rows()
