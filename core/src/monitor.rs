@@ -1002,6 +1002,7 @@ fn report_of(epoch: &ObservationEpoch, assessment: &Assessment) -> EpochReport {
                 .is_some_and(|solution| solution.no_broadcast_ionosphere),
             clock_reset: epoch.flags.clock_reset,
             fix_refused: false,
+            range_rates_disagree: assessment.range_rates_disagree,
         },
         residual_rms_m: assessment.residual_rms_m,
         sigma_enu_m: assessment.sigma_enu_m,

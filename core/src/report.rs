@@ -70,17 +70,20 @@ pub struct ReportFlags {
     pub clock_reset: bool,
     /// The receiver's own solution lay too far from the loosely coupled filter to be taken.
     pub fix_refused: bool,
+    /// The range rates of the one-epoch solution contradict each other: its velocity is not to be relied on.
+    pub range_rates_disagree: bool,
 }
 
 impl ReportFlags {
     /// Names in files, in the order of the bits.
-    pub const NAMES: [&'static str; 6] = [
+    pub const NAMES: [&'static str; 7] = [
         "incomplete",
         "overflow",
         "week_unknown",
         "no_broadcast_ionosphere",
         "clock_reset",
         "fix_refused",
+        "range_rates_disagree",
     ];
 
     /// One bit each, in the order of [`ReportFlags::NAMES`].
@@ -91,6 +94,7 @@ impl ReportFlags {
             | (self.no_broadcast_ionosphere as u8) << 3
             | (self.clock_reset as u8) << 4
             | (self.fix_refused as u8) << 5
+            | (self.range_rates_disagree as u8) << 6
     }
 
     /// Inverse of [`ReportFlags::bits`].
@@ -102,6 +106,7 @@ impl ReportFlags {
             no_broadcast_ionosphere: bits & 8 != 0,
             clock_reset: bits & 16 != 0,
             fix_refused: bits & 32 != 0,
+            range_rates_disagree: bits & 64 != 0,
         }
     }
 }

@@ -27,7 +27,7 @@ use crate::raim::exclusion::{self, ExclusionWorkspace, MAX_FAULTS};
 use crate::raim::level::LevelFactors;
 use crate::raim::slope::{NoLevel, Sensitivity};
 use crate::raim::thresholds::RaimTable;
-use crate::raim::{RaimError, bounded, parity};
+use crate::raim::{RaimError, TestStatistic, bounded, parity};
 use crate::stats::StatsError;
 use crate::time::{GpsTime, NS_PER_S};
 
@@ -70,6 +70,9 @@ pub struct Assessment {
     pub solution: Option<SnapshotSolution>,
     /// What to think of it.
     pub verdict: Verdict,
+    /// Whether the range rates contradict each other, at the false-alarm probability of the position's test: the
+    /// velocity is then not to be relied on. The position is tested by itself.
+    pub range_rates_disagree: bool,
     /// Satellites found faulty at this epoch, those left out from the beginning not among them.
     pub excluded_here: SatelliteSet,
     /// Satellites observed.
@@ -255,6 +258,7 @@ impl SnapshotMonitor {
             return Assessment {
                 solution: None,
                 verdict: Verdict::unavailable(Reason::NotConfigured, 0.0, None),
+                range_rates_disagree: false,
                 excluded_here: SatelliteSet::EMPTY,
                 n_observed: 0,
                 unused: [0; SATELLITE_REASONS],
@@ -307,6 +311,7 @@ impl SnapshotMonitor {
         Assessment {
             solution: progress.solution,
             verdict,
+            range_rates_disagree: self.range_rates_disagree(&progress),
             excluded_here,
             n_observed: self.workspace.n_observed(),
             unused,
@@ -461,6 +466,19 @@ impl SnapshotMonitor {
             Err(RaimError::NoRedundancy { .. }) => Test::Impossible(Reason::NoRedundancy),
             Err(_) => Test::Impossible(Reason::BadGeometry),
         };
+    }
+
+    /// Chi-square test of the range rates of the solution.
+    fn range_rates_disagree(&self, progress: &Progress) -> bool {
+        let fit = progress.solution.and_then(|solution| solution.rate_fit);
+        fit.is_some_and(|fit| {
+            let statistic = TestStatistic {
+                sum_of_squares: fit.sum_of_squares,
+                redundancy: fit.redundancy,
+            };
+            let threshold = self.thresholds.threshold(fit.redundancy);
+            !threshold.is_some_and(|limit| statistic.passes(limit))
+        })
     }
 
     /// After a failed test: the satellites that explain it, and the position without them.

@@ -43,6 +43,17 @@ pub struct CaseOutcome {
     measurement_tests: Vec<TestOutcome>,
 }
 
+impl CaseOutcome {
+    fn empty(id: String) -> Self {
+        Self {
+            id,
+            result: None,
+            error: None,
+            measurement_tests: Vec::new(),
+        }
+    }
+}
+
 /// Levels of a case, m; names as in the cases' own `expected`.
 #[derive(Debug, Serialize)]
 struct CaseResult {
@@ -145,6 +156,12 @@ pub fn run(args: &Args) -> Result<usize> {
         failed,
         args.out.display()
     );
+    if failed > 0 {
+        eprintln!(
+            "surefix: {failed} of {} cases have errors: correct the fields named above and run them again; the others are done",
+            outcomes.len()
+        );
+    }
     Ok(failed)
 }
 
@@ -165,11 +182,26 @@ pub fn evaluate_text(text: &str) -> Result<Vec<CaseOutcome>> {
         bail!("has no list \"cases\"; a file of ARAIM cases is {{\"cases\": [...]}}");
     };
     let mut evaluator = Evaluator::new();
-    Ok(cases
-        .iter()
-        .enumerate()
-        .map(|(number, case)| evaluator.outcome(number, case))
-        .collect())
+    let mut outcomes: Vec<CaseOutcome> = Vec::with_capacity(cases.len());
+    for (number, case) in cases.iter().enumerate() {
+        let outcome = match case.get("id").and_then(Value::as_str) {
+            Some(id) if outcomes.iter().any(|earlier| earlier.id == id) => {
+                let error = CaseError::Illegal {
+                    case: format!("#{number}"),
+                    field: "id".to_owned(),
+                    found: format!("\"{id}\""),
+                    expected: "that of no other case".to_owned(),
+                };
+                CaseOutcome {
+                    error: Some(error.to_string()),
+                    ..CaseOutcome::empty(format!("#{number}"))
+                }
+            }
+            _ => evaluator.outcome(number, case),
+        };
+        outcomes.push(outcome);
+    }
+    Ok(outcomes)
 }
 
 /// The memory of the algorithm, used case after case.
@@ -191,12 +223,7 @@ impl Evaluator {
             Some(Value::String(id)) => id.clone(),
             _ => format!("#{number}"),
         };
-        let mut outcome = CaseOutcome {
-            id,
-            result: None,
-            error: None,
-            measurement_tests: Vec::new(),
-        };
+        let mut outcome = CaseOutcome::empty(id);
         let evaluated = Case::read(&outcome.id, case).and_then(|case| {
             let result = self.evaluate(&case)?;
             Ok((case, result))

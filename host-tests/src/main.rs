@@ -6,18 +6,19 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use clap::{Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use surefix_core::ins::BarometerModel;
 use surefix_host_tests::faults::FaultSpec;
 use surefix_host_tests::fixes::{FixOptions, Outage};
-use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult, TruthChoice};
+use surefix_host_tests::replay::{self, Machine, ReplayOptions, ReplayResult};
 use surefix_host_tests::settings::Settings;
-use surefix_host_tests::static_imu::{self, triple};
-use surefix_host_tests::truth::Truth;
+use surefix_host_tests::static_imu;
+use surefix_host_tests::truth::TruthArguments;
 use surefix_host_tests::{
-    araim, calibrate, campaign, hybrid, mutate, output, real_time, report, scenario, simulate,
+    araim, calibrate, campaign, compare, hybrid, mutate, output, real_time, report, scenario,
+    simulate,
 };
 
 #[derive(Parser)]
@@ -37,6 +38,7 @@ enum Command {
     Replay(Box<ReplayArguments>),
     Scenario(scenario::run::Args),
     Araim(araim::Args),
+    Compare(Box<compare::Args>),
     /// Simulate a flight: the bytes a receiver would send, and the truth
     Simulate(simulate::Command),
     /// A recorded inertial unit and the receiver its antenna's track would have had, under real orbits
@@ -71,24 +73,8 @@ struct ReplayArguments {
     /// as section `[aids.barometer]` of the file of --config does with numbers of its own
     #[arg(long, value_name = "FILE")]
     barometer: Option<PathBuf>,
-    /// True track: surefix truth.csv, Spirent position/velocity/attitude CSV, RTKLIB .pos,
-    /// or UBX with NAV-PVT of resolved carrier-phase ambiguities. Without
-    /// this, --at and --at-llh the position that the recording states for itself is the truth, if its
-    /// antenna was fixed: not with inertial samples, and not when more than a quarter of the positions
-    /// lie farther than 10 m from it
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "at_llh"])]
-    truth: Option<PathBuf>,
-    /// True position of a fixed antenna, ECEF, m
-    #[arg(
-        long,
-        value_name = "X,Y,Z",
-        allow_hyphen_values = true,
-        conflicts_with = "at_llh"
-    )]
-    at: Option<String>,
-    /// True position of a fixed antenna, degrees and metres above WGS-84
-    #[arg(long, value_name = "LAT,LON,H", allow_hyphen_values = true)]
-    at_llh: Option<String>,
+    #[command(flatten)]
+    truth: TruthArguments,
     #[command(flatten)]
     settings: Settings,
     /// Fault to put on a satellite: `SAT:KIND:MAG:T0:T1[:rr][:PERIOD]`, KIND one of step, ramp, noise,
@@ -131,18 +117,6 @@ enum Print {
 
 impl ReplayArguments {
     fn options(&self) -> Result<ReplayOptions> {
-        let truth = match (&self.truth, &self.at, &self.at_llh) {
-            (Some(path), _, _) => TruthChoice::Given(Truth::read(path)?),
-            (_, Some(text), _) => TruthChoice::Given(Truth::fixed(triple("--at", text)?, "--at")),
-            (_, _, Some(text)) => {
-                let [lat, lon, height] = triple("--at-llh", text)?;
-                if lat.abs() > 90.0 || lon.abs() > 360.0 {
-                    bail!("--at-llh \"{text}\" is not latitude, longitude in degrees and height");
-                }
-                TruthChoice::Given(Truth::fixed_llh([lat, lon, height], "--at-llh"))
-            }
-            (None, None, None) => TruthChoice::FromRecording,
-        };
         let faults: Result<Vec<FaultSpec>, _> = self.fault.iter().map(|s| s.parse()).collect();
         let settings = self.settings.clone().over_file(self.config.as_ref())?;
         let mut aids = settings.aids.unwrap_or_default().config()?;
@@ -152,7 +126,7 @@ impl ReplayArguments {
         Ok(ReplayOptions {
             gnss: self.gnss.clone(),
             nav: self.nav.clone(),
-            truth,
+            truth: self.truth.choice()?,
             config: settings.config()?,
             imu: self.imu.clone(),
             imu_settings: settings.imu,
@@ -204,6 +178,18 @@ fn run_scenario(arguments: &scenario::run::Args) -> Result<ExitCode> {
         outcome.without_solution
     );
     Ok(ExitCode::from(1))
+}
+
+fn run_compare(arguments: &compare::Args) -> Result<ExitCode> {
+    let bar = progress_bar()?;
+    let comparison = compare::run(arguments, &mut |done, all| {
+        bar.set_length(all);
+        bar.set_position(done);
+    })?;
+    bar.finish_and_clear();
+    print!("{}", compare::report::tables(&comparison));
+    println!("written: {}", arguments.out.join("comparison.md").display());
+    Ok(ExitCode::SUCCESS)
 }
 
 fn replay(arguments: &ReplayArguments) -> Result<ExitCode> {
@@ -320,6 +306,7 @@ fn main() -> ExitCode {
             0 => ExitCode::SUCCESS,
             _ => ExitCode::from(1),
         }),
+        Command::Compare(arguments) => run_compare(arguments),
         Command::Simulate(arguments) => arguments.run().map(|()| ExitCode::SUCCESS),
         Command::Hybrid(arguments) => hybrid::run(arguments).map(|()| ExitCode::SUCCESS),
         Command::RealTime(arguments) => arguments.run().map(|holds| match holds {

@@ -400,17 +400,29 @@ fn own_position(
         let is_faulty = faults.iter().any(|f| (f.t0_s..=f.t1_s).contains(&t_s));
         report.verdict.integrity != Integrity::Alert && !is_faulty
     };
-    let judged: Vec<f64> = reports
+    let judged = reports
         .iter()
         .filter(is_judged)
         .filter_map(|report| Truth::error_enu_m(*r_e_m, report.fix?.r_e_m))
-        .map(|[e, n, _]| e.hypot(n))
-        .collect();
-    let far = judged.iter().filter(|d_m| **d_m > FIXED_WITHIN_M).count();
-    if 4 * far > judged.len() {
+        .map(|[e, n, _]| e.hypot(n));
+    stands_at(truth, judged)
+}
+
+/// A fixed point as the truth, or why it is none: too many positions lie too far from it, given their horizontal
+/// distances, m.
+///
+/// # Errors
+/// Why, in words.
+pub fn stands_at(truth: Truth, distances_m: impl Iterator<Item = f64>) -> Result<Truth, String> {
+    let (mut far, mut all) = (0, 0);
+    for distance_m in distances_m {
+        all += 1;
+        far += usize::from(distance_m > FIXED_WITHIN_M);
+    }
+    if 4 * far > all {
         return Err(format!(
-            "{source} is not taken as the truth, as {far} of {} positions lie more than {FIXED_WITHIN_M} m from it",
-            judged.len()
+            "{} is not taken as the truth, as {far} of {all} positions lie more than {FIXED_WITHIN_M} m from it",
+            truth.source
         ));
     }
     Ok(truth)

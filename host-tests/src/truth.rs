@@ -10,6 +10,7 @@
 //! Between rows at most 0.25 s apart a track is interpolated linearly: at 1 g that errs by
 //! 8 cm; rows farther apart answer only at their own times.
 
+mod arguments;
 mod ubx;
 
 use std::path::Path;
@@ -18,6 +19,8 @@ use anyhow::{Context, Result, anyhow, bail};
 use nalgebra::Vector3;
 use surefix_core::frames::geodesy::{self, Llh};
 use surefix_core::time::{GpsTime, NS_PER_S};
+
+pub use arguments::TruthArguments;
 
 /// Longest gap that is interpolated, s.
 const MAX_GAP_S: f64 = 0.25;

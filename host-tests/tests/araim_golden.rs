@@ -6,7 +6,7 @@ mod common;
 
 use std::collections::BTreeMap;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use surefix_core::raim::araim::support::{
     FaultRate, IntegritySupport, galileo_user_sigma_m, gps_user_sigma_m,
 };
@@ -53,6 +53,20 @@ impl Worst {
             .or_default();
         *entry = entry.max(difference);
     }
+
+    /// The largest of every quantity.
+    fn over_all(&self) -> String {
+        let mut largest: BTreeMap<&str, f64> = BTreeMap::new();
+        for ((_, name), difference) in &self.0 {
+            let entry = largest.entry(name).or_default();
+            *entry = entry.max(*difference);
+        }
+        let words = largest.iter().map(|(name, x)| format!("{name} {x:.1e}"));
+        format!(
+            "largest differences: {}",
+            words.collect::<Vec<_>>().join(", ")
+        )
+    }
 }
 
 impl Drop for Worst {
@@ -70,6 +84,7 @@ fn every_golden_case_is_reproduced() {
     let cases = cases(&text);
     assert_eq!(outcomes.as_array().unwrap().len(), cases.len());
     let mut worst = Worst::default();
+    let mut modes = 0;
     for (case, outcome) in cases.iter().zip(outcomes.as_array().unwrap()) {
         let id = case["id"].as_str().unwrap();
         assert_eq!(outcome["id"], id);
@@ -103,6 +118,7 @@ fn every_golden_case_is_reproduced() {
         }
         let subsets = expected["subsets"].as_array().unwrap();
         assert_eq!(subsets.len(), result["subsets"].as_array().unwrap().len());
+        modes += subsets.len();
         for (expected, result) in subsets.iter().zip(result["subsets"].as_array().unwrap()) {
             assert_eq!(expected["excluded"], result["excluded"], "{id}");
             for name in ["sigma", "sigma_ss", "bias", "bias_ss", "threshold"] {
@@ -115,6 +131,8 @@ fn every_golden_case_is_reproduced() {
             }
         }
     }
+    println!("{} cases, {modes} modes: the same subsets", cases.len());
+    println!("{}", worst.over_all());
 }
 
 #[test]
@@ -356,4 +374,137 @@ fn the_error_model_of_the_cases_is_that_of_the_support_data() {
         }
     }
     assert!(seen > 150, "{seen}");
+}
+
+/// Every place of a value that holds no other, with its name in error messages.
+fn leaves(name: &str, value: &Value, found: &mut Vec<String>) {
+    match value {
+        Value::Object(fields) => {
+            for (key, value) in fields {
+                let name = match name {
+                    "" => key.clone(),
+                    _ => format!("{name}.{key}"),
+                };
+                leaves(&name, value, found);
+            }
+        }
+        Value::Array(list) => {
+            for (index, value) in list.iter().enumerate() {
+                leaves(&format!("{name}[{index}]"), value, found);
+            }
+        }
+        _ => found.push(name.to_owned()),
+    }
+}
+
+/// The place of a name that [`leaves`] made.
+fn place<'a>(case: &'a mut Value, name: &str) -> &'a mut Value {
+    let pointer = format!("/{}", name.replace(['.', '['], "/").replace(']', ""));
+    case.pointer_mut(&pointer).unwrap()
+}
+
+/// Each number and name of a case in turn becomes something else: an error names the case and that field, or
+/// the case has a result all the same; the case beside it always has its own.
+#[test]
+fn every_field_of_a_case_may_be_wrong_and_is_named() {
+    const READ: [&str; 13] = [
+        "systems",
+        "sats",
+        "G",
+        "var_int",
+        "var_acc",
+        "bnom_int",
+        "bnom_acc",
+        "p_sat",
+        "p_const",
+        "tau_sat",
+        "tau_const",
+        "params",
+        "id",
+    ];
+    let Some(text) = golden() else { return };
+    let all = cases(&text);
+    let good = all
+        .iter()
+        .find(|case| case["id"] == "DUAL12__A_addv3_lpv200")
+        .unwrap();
+    let beside = all
+        .iter()
+        .find(|case| case["id"] == "GPS06__A_addv3_lpv200")
+        .unwrap();
+    let id = good["id"].as_str().unwrap();
+    let wrong = [
+        json!(null),
+        json!("text"),
+        json!("@NaN"),
+        json!("@-Infinity"),
+        json!("@1e999"),
+        json!([]),
+        json!({}),
+        json!(true),
+        json!(-1.0),
+        json!(0.0),
+        json!(1e300),
+    ];
+    let outcome_of = |case: &Value| {
+        let text = json!({ "cases": [case, beside] }).to_string();
+        let text = text
+            .replace("\"@NaN\"", "NaN")
+            .replace("\"@-Infinity\"", "-Infinity")
+            .replace("\"@1e999\"", "1e999");
+        serde_json::to_value(evaluate_text(&text).unwrap()).unwrap()
+    };
+    let right = outcome_of(good);
+    let mut found = Vec::new();
+    leaves("", good, &mut found);
+    let (mut tried, mut refused) = (0, 0);
+    for field in &found {
+        let root = field.split(['.', '[']).next().unwrap();
+        // Elevation and azimuth of a satellite are for the reader.
+        let is_read = READ.contains(&root) && !field.contains("_deg");
+        // One wrong value is enough where none is read.
+        let values = if is_read || root == "measurement_tests" {
+            &wrong[..]
+        } else {
+            &wrong[..1]
+        };
+        for (kind, value) in values.iter().enumerate() {
+            let mut bad = good.clone();
+            *place(&mut bad, field) = value.clone();
+            let outcomes = outcome_of(&bad);
+            tried += 1;
+            assert_eq!(outcomes[1], right[1], "{field} {value}");
+            let (outcome, error) = (&outcomes[0], outcomes[0]["error"].as_str());
+            assert_eq!(outcome.get("result").is_some(), error.is_none());
+            if root == "measurement_tests" {
+                assert_eq!(outcome["result"], right[0]["result"], "{field}");
+                continue;
+            }
+            if !is_read {
+                assert_eq!(outcome, &right[0], "{field}");
+                continue;
+            }
+            // What is no finite number, and no name, cannot be taken for one.
+            let is_name = field == "id" || root == "systems" || field.ends_with(".sys");
+            let is_nothing = kind < 8 && !(is_name && (1..=4).contains(&kind));
+            if is_nothing {
+                let error = error.unwrap_or_else(|| panic!("{field} {value} was taken"));
+                assert!(
+                    error.contains(&format!("field {field} ")),
+                    "{field}: {error}"
+                );
+                let case = if field == "id" { "#0" } else { id };
+                assert!(error.starts_with(&format!("case {case}: ")), "{error}");
+            }
+            if let Some(error) = error {
+                refused += 1;
+                assert!(error.contains("field "), "{error}");
+            }
+        }
+    }
+    println!(
+        "{} fields, {tried} wrong values, {refused} refused",
+        found.len()
+    );
+    assert!(found.len() > 200 && refused > 1000);
 }

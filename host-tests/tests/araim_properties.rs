@@ -565,12 +565,11 @@ fn case(id: &str, n: usize) -> Value {
     let mut random = Random(15);
     let sky = sky(&mut random, n.max(2), 2);
     let rows: Vec<Vec<f64>> = (0..n).map(|i| sky.design[i][..5].to_vec()).collect();
-    let system =
-        |row: &Vec<f64>| json!({"sys": if row[3] == 1.0 { "GPS" } else { "GAL" }, "prn": 1});
+    let system = |(i, row): (usize, &Vec<f64>)| json!({"sys": if row[3] == 1.0 { "GPS" } else { "GAL" }, "prn": i + 1});
     json!({
         "id": id,
         "systems": ["GPS", "GAL"],
-        "sats": rows.iter().map(system).collect::<Vec<_>>(),
+        "sats": rows.iter().enumerate().map(system).collect::<Vec<_>>(),
         "G": rows,
         "var_int": vec![1.5; n], "var_acc": vec![1.0; n],
         "bnom_int": vec![0.75; n], "bnom_acc": vec![0.0; n],
@@ -678,6 +677,12 @@ fn bad_cases_are_named_with_their_field_and_the_others_run() {
     unknown["sats"][1]["sys"] = json!("XYZ");
     cases.push(unknown);
     wanted.push((cases.len() - 1, "sats[1].sys".to_owned()));
+    let mut twice = case("a satellite twice", 16);
+    twice["sats"][9] = twice["sats"][4].clone();
+    cases.push(twice);
+    wanted.push((cases.len() - 1, "sats[9].prn".to_owned()));
+    cases.push(case("first", 12));
+    wanted.push((cases.len() - 1, "field id is \"first\"".to_owned()));
     for value in [json!(null), json!(3), json!([]), json!("text"), json!({})] {
         cases.push(value);
         wanted.push((cases.len() - 1, format!("#{}", cases.len() - 1)));
@@ -707,6 +712,7 @@ fn bad_cases_are_named_with_their_field_and_the_others_run() {
         let id = cases[*index]
             .get("id")
             .and_then(Value::as_str)
+            .filter(|id| *index == 0 || *id != "first")
             .unwrap_or("#");
         assert!(error.starts_with(&format!("case {id}")), "{error}");
         assert!(message.contains(error));
@@ -747,5 +753,23 @@ fn good_cases_end_with_code_0_and_no_cases_with_code_2() {
         assert_eq!(code, Some(2), "{name}");
         assert!(message.contains("{\"cases\": [...]}"), "{message}");
         assert!(output.is_none());
+    }
+    // No text at all, and a file that is not there.
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("araim-unreadable");
+    std::fs::create_dir_all(&folder).unwrap();
+    let binary = folder.join("binary.json");
+    std::fs::write(&binary, [0xff, 0xfe, 0x00]).unwrap();
+    for path in [binary, folder.join("absent.json"), folder.clone()] {
+        let output = Command::new(env!("CARGO_BIN_EXE_surefix"))
+            .arg("araim")
+            .arg(&path)
+            .arg("--out")
+            .arg(folder.join("out.json"))
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert!(message.contains(&path.display().to_string()), "{message}");
+        assert!(message.contains("give a file of ARAIM cases"), "{message}");
     }
 }

@@ -3,16 +3,14 @@
 
 mod skies;
 
-use skies::{Random, add_noise, sky};
-use surefix_core::gnss::solution::UsedRow;
-use surefix_core::gnss::weights::RowSigma;
-use surefix_core::gnss::{Satellite, System};
+use skies::{Random, add_noise, rows_of, sky};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::araim::AraimParameters;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
 use surefix_core::raim::exclusion::RowSet;
 use surefix_core::raim::igg3::Igg3Config;
-use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, PseudorangeErrors};
+use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
@@ -46,28 +44,10 @@ fn araim_config() -> AraimConfig {
     AraimConfig {
         parameters: AraimParameters::LPV_200,
         support: [support; 3],
+        errors: PseudorangeErrors::Rows,
+        excludes: true,
         exposure_s: 0.0,
     }
-}
-
-/// What the rows of a random sky belong to.
-fn rows_of(model: &LinearModel) -> Vec<UsedRow> {
-    (0..model.n)
-        .map(|row| {
-            let clock = (3..model.m)
-                .find(|column| model.design[row][*column] != 0.0)
-                .unwrap();
-            UsedRow {
-                satellite: Satellite::new(System::ALL[clock - 3], row as u8 + 1).unwrap(),
-                elevation_rad: (-model.design[row][2]).asin(),
-                azimuth_rad: (-model.design[row][0]).atan2(-model.design[row][1]),
-                sigma: RowSigma {
-                    independent_m: model.sigma_m[row],
-                    common_m: 0.0,
-                },
-            }
-        })
-        .collect()
 }
 
 /// What a monitor makes of 20 skies with and without a fault of 200 sigmas: not all give levels, and not all
@@ -151,6 +131,24 @@ fn residual_raim_answers_through_the_face() {
             ..RESIDUAL
         });
         assert!(matches!(refused, Err(ConfigureError::OutOfRange { .. })));
+    }
+}
+
+#[test]
+fn doppler_raim_answers_through_the_face() {
+    let mut monitor = Box::new(DopplerMonitor::EMPTY);
+    claims(&mut *monitor, &DopplerConfig::FREE_SKY, true, 20);
+    for sigma_factor in [0.0, -1.0, 1e3, f64::NAN] {
+        let refused = monitor.configure(&DopplerConfig {
+            sigma_factor,
+            ..DopplerConfig::FREE_SKY
+        });
+        assert!(matches!(refused, Err(ConfigureError::OutOfRange { .. })));
+        let mut random = Random(6);
+        let model = sky(&mut random, 8, 1);
+        let epoch = MonitorEpoch::new(&model, &rows_of(&model)).map(|epoch| monitor.assess(&epoch));
+        let untested = Outcome::NotTested(NotTested::NotConfigured);
+        assert_eq!(epoch.unwrap().outcome, untested);
     }
 }
 

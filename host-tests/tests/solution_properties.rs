@@ -20,6 +20,8 @@ use surefix_core::gnss::{
     ObservationEpoch, Satellite, SatelliteObservation, SatelliteSet, Signal, SignalObservation,
     System,
 };
+use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
+use surefix_core::raim::monitors::{EpochMonitor, Outcome};
 use surefix_core::time::GpsTime;
 
 const TIME: GpsTime = GpsTime::from_week_tow_s(2300, 200_000);
@@ -588,4 +590,48 @@ fn without_ionosphere_parameters_there_is_a_flag_and_a_larger_sigma() {
             .used_rows()
             .all(|row| row.sigma.common_m == 0.0)
     );
+}
+
+/// INT-145. Every satellite's range rate in turn is wrong by 10 m/s while its pseudorange is right: the position does
+/// not know, the fit of the solution tells, and the monitor names the satellite and gives the velocity without it.
+#[test]
+fn int_145_a_wrong_range_rate_is_named_and_the_velocity_is_that_of_the_others() {
+    let mut scene = Scene::at(47.0, 9.0, 400.0, config(IonosphereModel::Klobuchar));
+    let mut monitor = Box::new(DopplerMonitor::EMPTY);
+    monitor.configure(&DopplerConfig::FREE_SKY).unwrap();
+    let healthy = scene.solve(None).unwrap();
+    let true_mps: [f64; 3] = (geodesy::c_enu_e(scene.truth.lat_rad, scene.truth.lon_rad)
+        * nalgebra::Vector3::from(scene.v_e))
+    .into();
+    let fit = healthy.rate_fit.unwrap();
+    assert_eq!(fit.redundancy, healthy.used.len() - 4);
+    assert!(fit.sum_of_squares.abs() < 0.1, "{fit:?}");
+    let verdict = monitor.assess_velocity(&scene.workspace);
+    assert_eq!(verdict.outcome, Outcome::Passed);
+    let velocity_mps = verdict.position_enu_m.unwrap();
+    // East, north, up of where the sky was computed, up to 0.25 m away.
+    assert!(distance_m(velocity_mps, healthy.velocity_enu_mps.unwrap()) < 1e-4);
+    assert!((verdict.statistic.unwrap() - fit.sum_of_squares).abs() < 1e-4);
+    for faulty in healthy.used.iter() {
+        scene.observe();
+        for observation in &mut scene.epoch.satellites {
+            for signal in &mut observation.signals {
+                if observation.satellite == faulty
+                    && let Some(rate_mps) = &mut signal.range_rate_mps
+                {
+                    *rate_mps += 10.0;
+                }
+            }
+        }
+        let solution = scene.solve(None).unwrap();
+        assert!(scene.error_m(&solution) < 1e-3);
+        let fit = solution.rate_fit.unwrap();
+        let verdict = monitor.assess_velocity(&scene.workspace);
+        assert!(fit.sum_of_squares > verdict.threshold.unwrap(), "{fit:?}");
+        assert_eq!(verdict.outcome, Outcome::Excluded, "{faulty:?}");
+        let named = monitor.satellites(verdict.excluded);
+        assert!(named.contains(faulty) && named.len() == 1, "{faulty:?}");
+        assert!(distance_m(verdict.position_enu_m.unwrap(), true_mps) < 2e-3);
+        assert!(distance_m(solution.velocity_enu_mps.unwrap(), true_mps) > 0.01);
+    }
 }

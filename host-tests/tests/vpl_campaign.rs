@@ -43,6 +43,7 @@ fn healthy_epochs_keep_their_satellites(result: &SkyResult) {
     }
 }
 
+/// INT-138.
 #[test]
 fn int_138_the_satellite_with_a_large_error_is_left_out_under_the_broadcast_sky() {
     let Some(sky) = broadcast() else {

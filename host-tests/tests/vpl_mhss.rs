@@ -216,6 +216,7 @@ fn levels_thresholds_and_margin_are_those_of_a_new_solution_per_set() {
     assert!(worst < 1e-9);
 }
 
+/// INT-137. 120,000 epochs of 600 skies with one and two constellations.
 #[test]
 fn int_137_healthy_epochs_raise_no_more_alarms_than_asked_for() {
     let mut random = Random(137);
@@ -255,6 +256,7 @@ fn int_137_healthy_epochs_raise_no_more_alarms_than_asked_for() {
     assert!(printed > epochs / 4);
 }
 
+/// INT-139. Rows alike, absurd, no numbers; 1 to 40 satellites of one to three constellations.
 #[test]
 fn int_139_whatever_the_rows_hold_there_is_a_verdict_with_numbers_or_a_reason() {
     let mut random = Random(139);

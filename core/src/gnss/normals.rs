@@ -144,6 +144,15 @@ impl Normals {
         })
     }
 
+    /// By how much an estimate of these rows reduces their sum of weighted squares.
+    pub fn explained(&self, estimate: &Estimate) -> f64 {
+        let position = estimate.position.iter().zip(&self.position_right);
+        let clocks = estimate.clocks.iter().flatten();
+        let of_clocks = clocks.zip(self.clocks.iter().filter(|sums| sums.weight > 0.0));
+        position.map(|(x, right)| x * right).sum::<f64>()
+            + of_clocks.map(|(b, sums)| b * sums.right).sum::<f64>()
+    }
+
     /// Covariance of the position, or the velocity, in the units of the weights: the solutions for unit
     /// right-hand sides. `None` as with [`Normals::solve`].
     pub fn covariance(&self) -> Option<[[f64; 3]; 3]> {
@@ -193,6 +202,15 @@ mod tests {
             assert!((found - put_in).abs() < 1e-8);
         }
         assert!((estimate.clocks[0].unwrap() - b[0]).abs() < 1e-8);
+        let values = DIRECTIONS.into_iter().enumerate();
+        let sum_of_squares: f64 = values
+            .map(|(step, (u, clock))| {
+                let value = row_value(u, clock, x, b);
+                (1.0 + step as f64) * value * value
+            })
+            .sum();
+        let left = sum_of_squares - normals.explained(&estimate);
+        assert!(left.abs() < 1e-14 * sum_of_squares, "{left}");
         assert_eq!(estimate.clocks[1], None);
         assert!((estimate.clocks[2].unwrap() - b[2]).abs() < 1e-8);
     }

@@ -17,7 +17,7 @@
 //! | b_k    | clock_m               | ≤ 3   | m    |       | receiver clock against each system    |
 //!
 //! Equations: y = −u·δr + b_k + error, Newton's iteration over `normals.rs`; velocity from the same
-//! directions with range rates. Sagnac and transmission times: `measurement.rs`.
+//! directions with range rates: `rates.rs`. Sagnac and transmission times: `measurement.rs`.
 //! Weights hold the independent part of each error only (`weights.rs`); the common ionosphere is
 //! handed on beside the model for whoever bounds the position.
 
@@ -39,8 +39,10 @@ use crate::linalg::LinearModel;
 use crate::time::GpsTime;
 
 mod height;
+mod rates;
 
 pub use height::HeightRow;
+pub use rates::{RangeRates, RateFit};
 
 pub use super::measurement::{SATELLITE_REASONS, SatelliteReason};
 
@@ -93,6 +95,8 @@ pub struct SnapshotSolution {
     pub velocity_enu_mps: Option<[f64; 3]>,
     /// Receiver clock drift, m/s; `None` with fewer than four range rates.
     pub clock_drift_mps: Option<f64>,
+    /// How well the range rates agree; `None` with fewer than five.
+    pub rate_fit: Option<RateFit>,
     /// Satellites in it.
     pub used: SatelliteSet,
     /// Satellites observed.
@@ -135,6 +139,17 @@ struct Row {
     /// From the last Newton step.
     line_of_sight_e: [f64; 3],
     residual_m: f64,
+}
+
+impl Row {
+    fn described(&self) -> UsedRow {
+        UsedRow {
+            satellite: self.measurement.satellite,
+            elevation_rad: self.sky.elevation_rad,
+            azimuth_rad: self.sky.azimuth_rad,
+            sigma: self.sky.sigma,
+        }
+    }
 }
 
 /// Everything between an epoch and its solutions. Large: keep it in a `static`.
@@ -283,12 +298,7 @@ impl SnapshotWorkspace {
 
     /// The satellites of the linear model.
     pub fn used_rows(&self) -> impl Iterator<Item = UsedRow> + '_ {
-        self.used().map(|row| UsedRow {
-            satellite: row.measurement.satellite,
-            elevation_rad: row.sky.elevation_rad,
-            azimuth_rad: row.sky.azimuth_rad,
-            sigma: row.sky.sigma,
-        })
+        self.used().map(Row::described)
     }
 
     /// The satellites above the mask as a filter takes them, seen from an antenna whose position and
@@ -545,47 +555,6 @@ impl SnapshotWorkspace {
         Err(SnapshotError::NoConvergence)
     }
 
-    /// The range rates of the rows used, as normal equations; `None` with fewer than four.
-    fn rate_normals(&self) -> Option<Normals> {
-        let mut normals = Normals::ZERO;
-        let mut rates = 0;
-        let r_e = self.sky_at?;
-        for row in self.used() {
-            let Some(rate_mps) = row.measurement.range_rate_mps else {
-                continue;
-            };
-            let geometry = range_geometry(row.measurement.r_e_m, r_e);
-            let (at_rest_mps, factor) = satellite_range_rate(&row.measurement, &geometry);
-            let value_mps = rate_mps + row.measurement.clock_drift_mps - at_rest_mps;
-            let sigma_mps = range_rate_sigma_mps(row.sky.sin_elevation);
-            let scaled = geometry.line_of_sight_e.map(|u| u * factor);
-            // One oscillator drifts against all systems alike.
-            normals.add(scaled, 0, value_mps, 1.0 / (sigma_mps * sigma_mps));
-            rates += 1;
-        }
-        (rates >= 4).then_some(normals)
-    }
-
-    /// Velocity and receiver clock drift from the range rates of the rows used.
-    fn velocity(&self) -> Option<(Vector3<f64>, f64)> {
-        let estimate = self.rate_normals()?.solve()?;
-        Some((
-            Vector3::from(estimate.position),
-            estimate.clocks.first().copied().flatten()?,
-        ))
-    }
-
-    /// One sigma of the velocity east, north, up by the model of the range rates, m/s; `None` where there is
-    /// none.
-    pub fn velocity_sigma_enu_mps(&self) -> Option<[f64; 3]> {
-        let r_e = self.sky_at?;
-        let llh = geodesy::to_llh(&Vector3::from(r_e)).ok()?;
-        let covariance = Matrix3::from(self.rate_normals()?.covariance()?);
-        let c_enu_e = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad);
-        let [[e, ..], [_, n, _], [.., u]] = (c_enu_e * covariance * c_enu_e.transpose()).into();
-        Some([libm::sqrt(e), libm::sqrt(n), libm::sqrt(u)])
-    }
-
     #[inline(never)]
     fn finish(
         &mut self,
@@ -610,8 +579,9 @@ impl SnapshotWorkspace {
             r_e_m: r_e,
             llh,
             clock_m: settled.last.clocks,
-            velocity_enu_mps: velocity.map(|(v_e, _)| (c_enu_e * v_e).into()),
-            clock_drift_mps: velocity.map(|(_, drift_mps)| drift_mps),
+            velocity_enu_mps: velocity.as_ref().map(|v| (c_enu_e * v.v_e_mps).into()),
+            clock_drift_mps: velocity.as_ref().map(|v| v.clock_drift_mps),
+            rate_fit: velocity.and_then(|v| v.fit),
             used,
             n_observed: self.n_observed,
             unused,

@@ -320,6 +320,7 @@ impl TightMonitor {
             clock_m: [Some(0.0); System::ALL.len()],
             velocity_enu_mps,
             clock_drift_mps: velocity_enu_mps.map(|_| 0.0),
+            rate_fit: None,
             used: SatelliteSet::EMPTY,
             n_observed: fix.satellites,
             unused: [0; SATELLITE_REASONS],

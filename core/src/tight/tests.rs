@@ -306,6 +306,7 @@ fn standing() -> SnapshotSolution {
         clock_m: [Some(0.0); 3],
         velocity_enu_mps: Some([0.01, -0.02, 0.03]),
         clock_drift_mps: Some(0.0),
+        rate_fit: None,
         used: SatelliteSet::EMPTY,
         n_observed: 8,
         unused: [0; crate::gnss::solution::SATELLITE_REASONS],

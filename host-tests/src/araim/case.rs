@@ -166,9 +166,30 @@ impl Fields<'_> {
         Ok(names)
     }
 
+    /// A satellite given twice would count as two that agree.
+    fn no_satellite_twice(&self, satellites: &[Value]) -> Result<(), CaseError> {
+        let mut seen = Vec::new();
+        for (index, satellite) in satellites.iter().enumerate() {
+            let Some(prn) = satellite.get("prn") else {
+                continue;
+            };
+            let field = format!("sats[{index}].prn");
+            let number = prn
+                .as_u64()
+                .ok_or_else(|| self.illegal(&field, prn, "a whole number"))?;
+            let name = (satellite.get("sys").and_then(Value::as_str), number);
+            if seen.contains(&name) {
+                return Err(self.illegal(&field, prn, "that of no other satellite of its system"));
+            }
+            seen.push(name);
+        }
+        Ok(())
+    }
+
     /// The constellation of each satellite.
     fn constellations(&self, systems: &[String]) -> Result<Vec<usize>, CaseError> {
         let satellites = self.list("sats", self.get("sats")?, None)?;
+        self.no_satellite_twice(&satellites)?;
         satellites
             .iter()
             .enumerate()

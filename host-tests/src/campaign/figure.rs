@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 /// A line of a chart; points that are not finite interrupt it.
 #[derive(Clone, Debug)]
 pub struct Curve {
-    /// For the legend.
+    /// For the legend; a curve without a name is not in it.
     pub name: String,
     /// x and y.
     pub points: Vec<(f64, f64)>,
@@ -15,7 +15,7 @@ pub struct Curve {
     pub dashed: bool,
 }
 
-/// A chart.
+/// A chart; one without a point is its legend alone.
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
     /// Above it.
@@ -161,6 +161,10 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
         0.5 * (y.from + y.to),
         escaped(&panel.y_label),
     );
+    if points().next().is_none() {
+        legend(panel, left + ml, top, svg);
+        return;
+    }
     for tick in x.ticks() {
         let at = x.at(tick);
         let _ = writeln!(
@@ -196,7 +200,7 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
             escaped(name)
         );
     }
-    for (number, curve) in panel.curves.iter().enumerate() {
+    for curve in &panel.curves {
         let mut path = String::new();
         let mut pen = 'M';
         for (px, py) in &curve.points {
@@ -208,21 +212,36 @@ fn draw(panel: &Panel, left: f64, top: f64, svg: &mut String) {
                 pen = 'M';
             }
         }
-        let dash = if curve.dashed {
-            " stroke-dasharray=\"5 3\""
-        } else {
-            ""
-        };
-        let colour = curve.colour;
-        let legend_y = top + MARGIN[2] + 10.0 + LEGEND_STEP * number as f64;
+        let (colour, dash) = (curve.colour, dash(curve));
         let _ = writeln!(
             svg,
-            "<path class=\"curve\" stroke=\"{colour}\"{dash} d=\"{path}\"/>\
-             <path class=\"curve\" stroke=\"{colour}\"{dash} d=\"M{:.1} {legend_y:.1}h18\"/>\
+            "<path class=\"curve\" stroke=\"{colour}\"{dash} d=\"{path}\"/>"
+        );
+    }
+    legend(panel, x.from, top, svg);
+}
+
+const fn dash(curve: &Curve) -> &'static str {
+    if curve.dashed {
+        " stroke-dasharray=\"5 3\""
+    } else {
+        ""
+    }
+}
+
+/// The lines with their names, below each other.
+fn legend(panel: &Panel, left: f64, top: f64, svg: &mut String) {
+    let named = panel.curves.iter().filter(|curve| !curve.name.is_empty());
+    for (number, curve) in named.enumerate() {
+        let (colour, dash) = (curve.colour, dash(curve));
+        let y = top + MARGIN[2] + 10.0 + LEGEND_STEP * number as f64;
+        let _ = writeln!(
+            svg,
+            "<path class=\"curve\" stroke=\"{colour}\"{dash} d=\"M{:.1} {y:.1}h18\"/>\
              <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\">{}</text>",
-            x.from + 6.0,
-            x.from + 28.0,
-            legend_y + 3.5,
+            left + 6.0,
+            left + 28.0,
+            y + 3.5,
             escaped(&curve.name)
         );
     }
@@ -288,6 +307,8 @@ mod tests {
         let decades = Scale::new([0.3, 40.0].into_iter(), true, 0.0, 300.0);
         assert_eq!(decades.ticks().len(), 4);
         assert!((decades.at(1.0) - 100.0).abs() < 1e-9);
-        assert!(!page("t", &[panel(Vec::new(), [true; 2])], 1).contains("NaN"));
+        let legend = page("t", &[panel(Vec::new(), [true; 2])], 1);
+        assert!(!legend.contains("NaN") && !legend.contains("class=\"grid\""));
+        assert_eq!(legend.matches("class=\"curve\"").count(), 1);
     }
 }

@@ -15,6 +15,7 @@
 //! | `consensus` | random skies and six hours of GPS, by RANCO, S-RANCO and FOIM | `consensus/` |
 //! | `robust` | recordings with two faulty satellites, by least squares and by robust estimation | `robust/` |
 //! | `vpl-mhss` | an error of each size on each satellite of a GPS sky of six hours: which one is left out | `vpl_mhss/` |
+//! | `araim` | recordings by ARAIM, as measured and with a satellite or a constellation at fault | `araim/` |
 //! | `aids` | outages without and with a barometer, or with standstills recognised | `aids.rs` |
 //! | `latency` | flights whose receiver is late, beside the same that is not | `latency.rs` |
 //! | `wide-headings` | a flight from a heading of each sigma | `wide_headings.rs` |
@@ -28,6 +29,7 @@
 
 pub mod aids;
 pub mod alignment;
+pub mod araim;
 pub mod binomial;
 pub mod consensus;
 pub mod double_faults;
@@ -99,7 +101,7 @@ const DEFAULT_SYSTEMS: &str = "GC";
     "Constellations to use, letters of G (GPS), E (Galileo), C (BDS) [default: {DEFAULT_SYSTEMS}]"
 ))))]
 pub struct Args {
-    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus), or `merge` to add results of shards
+    /// Name of the campaign (alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, araim), or `merge` to add results of shards
     pub name: String,
     /// Results to merge
     pub files: Vec<PathBuf>,
@@ -113,7 +115,7 @@ pub struct Args {
     /// Run shard I of K, I from 1
     #[arg(long, value_name = "I/K")]
     pub shard: Option<String>,
-    /// Directory with the recording ESBC; those of recording-faults, robust and vpl-mhss lie beside it
+    /// Directory with the recording ESBC; those of recording-faults, robust, vpl-mhss and araim lie beside it
     #[arg(
         long,
         value_name = "DIR",
@@ -203,6 +205,16 @@ pub fn run(args: &Args) -> Result<()> {
             let data = args.data.parent().unwrap_or(Path::new("."));
             let trials = args.trials.unwrap_or(vpl_mhss::TRIALS);
             return vpl_mhss::run(data, trials, args.seed, &args.out);
+        }
+        "araim" => {
+            check_out(&args.out)?;
+            if args.shard.is_some() {
+                bail!("araim has no shards: give runs of different --seed instead");
+            }
+            let data = args.data.parent().unwrap_or(Path::new("."));
+            let trials = args.trials.unwrap_or(araim::FAULTED_EPOCHS);
+            let config = args.settings.config()?;
+            return araim::run(data, &config, trials, args.seed, &args.out);
         }
         "aids" => {
             check_out(&args.out)?;

@@ -5,6 +5,9 @@
     reason = "each test that includes this module uses its part of it"
 )]
 
+use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::weights::RowSigma;
+use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
 
 /// SplitMix64 (Steele, Lea, Flood 2014) with uniform and normal numbers on top.
@@ -69,4 +72,24 @@ pub fn add_noise(random: &mut Random, model: &mut LinearModel) {
                 .map(|j| model.design[i][j] * shift[j])
                 .sum::<f64>();
     }
+}
+
+/// What the rows of a random sky belong to.
+pub fn rows_of(model: &LinearModel) -> Vec<UsedRow> {
+    (0..model.n)
+        .map(|row| {
+            let clock = (3..model.m)
+                .find(|column| model.design[row][*column] != 0.0)
+                .unwrap();
+            UsedRow {
+                satellite: Satellite::new(System::ALL[clock - 3], row as u8 + 1).unwrap(),
+                elevation_rad: (-model.design[row][2]).asin(),
+                azimuth_rad: (-model.design[row][0]).atan2(-model.design[row][1]),
+                sigma: RowSigma {
+                    independent_m: model.sigma_m[row],
+                    common_m: 0.0,
+                },
+            }
+        })
+        .collect()
 }

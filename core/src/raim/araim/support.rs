@@ -12,10 +12,13 @@
 //! | σ_user | [`gps_user_sigma_m`], [`galileo_user_sigma_m`] | m | smoothed multipath and noise, ionosphere-free |
 //!
 //! C_int = σ_URA² + σ_tropo² + σ_user², C_acc = σ_URE² + σ_tropo² + σ_user².
+//! [`IntegritySupport::BASELINE`] and [`IntegritySupport::COMMITTED`] are presets of three constellations.
 //! Source: [BLANCH-2015] pseudorange covariances and Galileo table, [ARAIM-ADD] rates and exposure.
 //! Keys: docs/references.md.
 
 use super::{AraimConstellation, AraimSatellite};
+use crate::consts::MAX_CLOCKS;
+use crate::gnss::System;
 use core::f64::consts::PI;
 
 /// How often something fails, and for how long.
@@ -61,7 +64,71 @@ pub struct IntegritySupport {
     pub constellation: FaultRate,
 }
 
+const HOUR_S: f64 = 3600.0;
+
+/// A probability and a mean duration in hours.
+const fn lasting(p_instant: f64, hours: f64) -> FaultRate {
+    FaultRate {
+        p_instant,
+        mean_duration_s: hours * HOUR_S,
+    }
+}
+
 impl IntegritySupport {
+    /// GPS, Galileo and BDS as the studies of LPV-200 with version 3 assume them [BLANCH-2015]: what ARAIM is
+    /// designed for, better than what is committed. The source has GPS and Galileo only: BDS is that of
+    /// [`IntegritySupport::COMMITTED`] with the source's bias.
+    pub const BASELINE: [Self; MAX_CLOCKS] = [
+        Self::baseline(1e-8),
+        Self::baseline(1e-4),
+        Self {
+            b_nom_m: 0.75,
+            ..Self::BDS
+        },
+    ];
+
+    /// GPS, Galileo and BDS with the fault probabilities that their operators commit to: GPS [GPS-SPS-PS],
+    /// Galileo [GAL-OS-SDD], BDS [BDS-OS-PS]. URA and URE of GPS and Galileo for vertical guidance are those of the
+    /// studies with version 4.2 [ARAIM-ADD]; for BDS see [`IntegritySupport::BDS`].
+    pub const COMMITTED: [Self; MAX_CLOCKS] = [
+        Self {
+            ura_m: 2.0,
+            ure_m: 1.0,
+            b_nom_m: 0.0,
+            satellite: lasting(1e-5, 1.0),
+            constellation: lasting(1e-8, 1.0),
+        },
+        Self {
+            ura_m: 3.0,
+            ure_m: 1.0,
+            b_nom_m: 0.0,
+            satellite: lasting(3e-5, 1.5),
+            constellation: lasting(2e-4, 2.0),
+        },
+        Self::BDS,
+    ];
+
+    /// BDS with satellites of its second generation among them. σ_URA bounds the worst of BDS-3 from 2020 to 2022
+    /// [BDS-ISD-2025]; σ_URE is the 2.5 m at 95 % of [BDS-OS-PS], 1.3 m, and something for the code biases of
+    /// the second generation, which recordings of 2020 and 2024 show.
+    pub const BDS: Self = Self {
+        ura_m: 4.0,
+        ure_m: 1.5,
+        b_nom_m: 0.0,
+        satellite: lasting(1e-5, 1.0),
+        constellation: lasting(6e-5, 1.0),
+    };
+
+    const fn baseline(p_constellation: f64) -> Self {
+        Self {
+            ura_m: 0.75,
+            ure_m: 0.5,
+            b_nom_m: 0.75,
+            satellite: lasting(1e-5, 1.0),
+            constellation: lasting(p_constellation, 1.0),
+        }
+    }
+
     /// A satellite of this constellation, number `constellation` of the epoch. The ranges are checked by
     /// [`super::Araim::evaluate`].
     pub fn satellite(
@@ -104,12 +171,32 @@ pub fn troposphere_sigma_m(elevation_rad: f64) -> f64 {
 /// σ_user of GPS, m: multipath and noise of [DO-229] models, times the gain of the ionosphere-free
 /// combination of L1 and L5. [BLANCH-2015]
 pub fn gps_user_sigma_m(elevation_rad: f64) -> f64 {
+    // Over 10.23 MHz.
+    airborne_sigma_m(elevation_rad, 154.0, 115.0)
+}
+
+/// σ_user of BDS, m: the models of GPS, ionosphere-free B1I and B3I. None is published for it.
+pub fn bds_user_sigma_m(elevation_rad: f64) -> f64 {
+    // Over 2.046 MHz.
+    airborne_sigma_m(elevation_rad, 763.0, 620.0)
+}
+
+/// σ_user of a satellite of a system, m.
+pub fn user_sigma_m(system: System, elevation_rad: f64) -> f64 {
+    match system {
+        System::Gps => gps_user_sigma_m(elevation_rad),
+        System::Galileo => galileo_user_sigma_m(elevation_rad),
+        System::Bds => bds_user_sigma_m(elevation_rad),
+    }
+}
+
+/// Multipath and noise of one signal [DO-229], m, in the combination of two frequencies of this ratio.
+fn airborne_sigma_m(elevation_rad: f64, first: f64, second: f64) -> f64 {
     let elevation_deg = elevation_rad * (180.0 / PI);
     let multipath = 0.13 + 0.53 * libm::exp(elevation_deg / -10.0);
     let noise = 0.15 + 0.43 * libm::exp(elevation_deg / -6.9);
-    // Squared frequencies over 10.23 MHz: L1 is 154 times that, L5 115 times.
-    let (l1, l5) = (154.0 * 154.0, 115.0 * 115.0);
-    let gain = libm::sqrt(l1 * l1 + l5 * l5) / (l1 - l5);
+    let (first, second) = (first * first, second * second);
+    let gain = libm::sqrt(first * first + second * second) / (first - second);
     gain * libm::sqrt(multipath * multipath + noise * noise)
 }
 
@@ -141,7 +228,7 @@ mod tests {
 
     #[test]
     fn errors_grow_towards_the_horizon_and_nan_stays_nan() {
-        for model in [gps_user_sigma_m, troposphere_sigma_m] {
+        for model in [gps_user_sigma_m, bds_user_sigma_m, troposphere_sigma_m] {
             for degree in 1..90 {
                 let low = f64::from(degree).to_radians();
                 assert!(model(low) > model(low + 0.01));
@@ -153,6 +240,16 @@ mod tests {
         assert_eq!(galileo_user_sigma_m(PI / 2.0), 0.2277);
         assert!(galileo_user_sigma_m(f64::NAN).is_nan());
         assert!((gps_user_sigma_m(PI / 2.0) / 0.513_8 - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn each_system_has_its_own_user_error() {
+        let at = 0.7;
+        assert_eq!(user_sigma_m(System::Gps, at), gps_user_sigma_m(at));
+        assert_eq!(user_sigma_m(System::Galileo, at), galileo_user_sigma_m(at));
+        // B1I and B3I lie nearer to each other than L1 and L5: 3.53 against 2.59 times the noise of one.
+        let ratio = user_sigma_m(System::Bds, at) / gps_user_sigma_m(at);
+        assert!((ratio - 3.528 / 2.588).abs() < 2e-3, "{ratio}");
     }
 
     #[test]

@@ -1,8 +1,9 @@
 //! ARAIM through the common face: separations against thresholds, exclusion with its risk, levels.
 //!
 //! In: an epoch, integrity support data per constellation. The error of a pseudorange is the one the epoch
-//! gives to its row, common part included, for integrity and accuracy alike; nominal bias and fault
-//! probabilities are those of the support data. Sources and assumptions: [`crate::raim::araim`].
+//! gives to its row, common part included, for integrity and accuracy alike, or that of the support data with
+//! airborne equipment of two frequencies: [`PseudorangeErrors`]. Nominal bias and fault probabilities are those of
+//! the support data. Sources and assumptions: [`crate::raim::araim`].
 //!
 //! With more than [`MAX_ARAIM_SATELLITES`] rows the highest satellites are taken: the others are
 //! neither used nor tested, and not excluded.
@@ -13,12 +14,23 @@ use super::{
 };
 use crate::consts::{MAX_CLOCKS, MAX_SATELLITES};
 use crate::gnss::solution::UsedRow;
+use crate::raim::araim::levels::AraimLevels;
 use crate::raim::araim::modes::SatelliteSet;
-use crate::raim::araim::support::IntegritySupport;
+use crate::raim::araim::support::{IntegritySupport, user_sigma_m};
 use crate::raim::araim::{
     Araim, AraimConstellation, AraimError, AraimParameters, AraimSatellite, MAX_ARAIM_SATELLITES,
 };
 use crate::raim::exclusion::RowSet;
+
+/// Whose error model weighs the rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PseudorangeErrors {
+    /// The rows' own, for integrity and accuracy alike.
+    Rows,
+    /// σ_URA for integrity, σ_URE for accuracy, with troposphere, and multipath and noise of airborne equipment in
+    /// the ionosphere-free combination. [BLANCH-2015] Only for rows that are such combinations.
+    Support,
+}
 
 /// What ARAIM is told.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,8 +39,24 @@ pub struct AraimConfig {
     pub parameters: AraimParameters,
     /// Integrity support data of each constellation, in the order of [`crate::gnss::System::ALL`].
     pub support: [IntegritySupport; MAX_CLOCKS],
+    /// Errors of the pseudoranges.
+    pub errors: PseudorangeErrors,
+    /// Whether a fault is taken out. Without, the whole integrity risk is the position's of all satellites,
+    /// and its levels are smaller.
+    pub excludes: bool,
     /// Exposure, s; 0 counts faults at the instant alone (version 3).
     pub exposure_s: f64,
+}
+
+impl AraimConfig {
+    /// LPV-200 with the baseline algorithm, version 3, excluding, the errors those of the support data.
+    pub const LPV_200_V3: Self = Self {
+        parameters: AraimParameters::LPV_200,
+        support: IntegritySupport::BASELINE,
+        errors: PseudorangeErrors::Support,
+        excludes: true,
+        exposure_s: 0.0,
+    };
 }
 
 /// ARAIM, and its memory (205 kB).
@@ -42,6 +70,7 @@ pub struct AraimMonitor {
     /// The row of each satellite.
     row: [usize; MAX_ARAIM_SATELLITES],
     n: usize,
+    levels: Option<AraimLevels>,
 }
 
 impl AraimMonitor {
@@ -54,7 +83,13 @@ impl AraimMonitor {
         residual_m: [0.0; MAX_ARAIM_SATELLITES],
         row: [0; MAX_ARAIM_SATELLITES],
         n: 0,
+        levels: None,
     };
+
+    /// What the face does not show of the last epoch, no exclusion made: accuracy, effective monitor threshold.
+    pub const fn levels(&self) -> Option<&AraimLevels> {
+        self.levels.as_ref()
+    }
 
     /// The satellites of the epoch as ARAIM takes them, the highest where there are too many.
     fn take_in(&mut self, epoch: &MonitorEpoch<'_>, config: &AraimConfig) {
@@ -82,18 +117,19 @@ impl AraimMonitor {
             places.zip(chosen)
         {
             let [east, north, up, ..] = *design;
-            let sigma_m = used.sigma.total_m();
-            *satellite = AraimSatellite {
-                variance_integrity_m2: sigma_m * sigma_m,
-                variance_accuracy_m2: sigma_m * sigma_m,
-                ..support.satellite(
-                    used.satellite.system().index(),
-                    [east, north, up],
-                    used.elevation_rad,
-                    0.0,
-                    config.exposure_s,
-                )
-            };
+            let system = used.satellite.system();
+            *satellite = support.satellite(
+                system.index(),
+                [east, north, up],
+                used.elevation_rad,
+                user_sigma_m(system, used.elevation_rad),
+                config.exposure_s,
+            );
+            if config.errors == PseudorangeErrors::Rows {
+                let sigma_m = used.sigma.total_m();
+                satellite.variance_integrity_m2 = sigma_m * sigma_m;
+                satellite.variance_accuracy_m2 = sigma_m * sigma_m;
+            }
             *residual_m = *given_m;
             *place = row;
             self.n += 1;
@@ -173,6 +209,7 @@ impl EpochMonitor for AraimMonitor {
 
     #[inline(never)]
     fn assess(&mut self, epoch: &MonitorEpoch<'_>) -> MonitorVerdict {
+        self.levels = None;
         let Some(config) = self.config else {
             return MonitorVerdict::not_tested(NotTested::NotConfigured);
         };
@@ -187,11 +224,15 @@ impl EpochMonitor for AraimMonitor {
         }
         let satellites = self.satellites.get(..self.n).unwrap_or(&[]);
         let residual_m = self.residual_m.get(..self.n).unwrap_or(&[]);
-        let levels = match self.araim.evaluate_with_exclusion(
-            satellites,
-            &constellations,
-            &config.parameters,
-        ) {
+        let evaluated = if config.excludes {
+            self.araim
+                .evaluate_with_exclusion(satellites, &constellations, &config.parameters)
+        } else {
+            self.araim
+                .evaluate(satellites, &constellations, &config.parameters)
+        };
+        self.levels = evaluated.ok();
+        let levels = match evaluated {
             Ok(levels) => checked_levels(levels.hpl_m, levels.vpl_m),
             Err(AraimError::NoIntegrityBudget { .. }) => Err(NoLevels::NoIntegrityBudget),
             Err(error) => return MonitorVerdict::not_tested(why_not(error)),
@@ -218,6 +259,9 @@ impl EpochMonitor for AraimMonitor {
         }
         verdict.outcome = Outcome::Detected;
         verdict.levels = Err(NoLevels::FaultPresent);
+        if !config.excludes {
+            return verdict;
+        }
         let found = self.araim.exclude(
             satellites,
             &config.parameters,

@@ -13,8 +13,9 @@
 //! | ARAIM | [`araim`] | every likely fault, with the integrity risk |
 //! | IGG-III | [`robust`] | nothing beyond the noise of the rows that are left |
 //! | RMS comparison | [`rms`] | no levels |
-//! | RANCO, S-RANCO, FOIM | [`consensus`] | no levels |
 //! | VPL separation | [`vpl_mhss`] | one fault, of any size, in each axis |
+//! | RANCO, S-RANCO, FOIM | [`consensus`] | no levels |
+//! | Doppler RAIM | [`doppler`] | as residual RAIM, of the velocity |
 //!
 //! The default path of the product does not go through here: `snapshot.rs` solves, tests and
 //! excludes by itself.
@@ -22,6 +23,7 @@
 mod agreement;
 pub mod araim;
 pub mod consensus;
+pub mod doppler;
 pub mod residual;
 pub mod rms;
 pub mod robust;

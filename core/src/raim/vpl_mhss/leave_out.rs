@@ -30,16 +30,16 @@ pub(super) struct Row {
     pub largest_variance_m2: f64,
 }
 
-/// A hypothesis of a set: one of its rows is left out as well.
+/// A hypothesis of a set: this one of its rows is left out.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Hypothesis {
+pub(super) struct LeftOut {
     pub gain_enu_m: [f64; 3],
     residual: f64,
     /// 1/d.
     pub inverse_cofactor: f64,
 }
 
-impl Hypothesis {
+impl LeftOut {
     pub fn separation_enu_m(&self) -> [f64; 3] {
         let step = self.residual * self.inverse_cofactor;
         self.gain_enu_m.map(|gain| gain * step)
@@ -83,21 +83,21 @@ impl Row {
     }
 
     /// Leverage and residual in the set that lacks `out`.
-    pub fn given(&self, out: &Self, shared: f64) -> Hypothesis {
+    pub fn given(&self, out: &Self, shared: f64) -> LeftOut {
         let mut gain_enu_m = self.gain_enu_m;
         for (gain, ratio) in gain_enu_m.iter_mut().zip(&out.gain_ratio_enu_m) {
             *gain -= shared * ratio;
         }
         let cofactor = self.cofactor - shared * shared / out.cofactor;
-        Hypothesis {
+        LeftOut {
             gain_enu_m,
             residual: self.residual - shared * out.residual_ratio,
             inverse_cofactor: 1.0 / cofactor,
         }
     }
 
-    pub fn alone(&self) -> Hypothesis {
-        Hypothesis {
+    pub fn alone(&self) -> LeftOut {
+        LeftOut {
             gain_enu_m: self.gain_enu_m,
             residual: self.residual,
             inverse_cofactor: 1.0 / self.cofactor,

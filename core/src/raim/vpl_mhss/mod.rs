@@ -16,20 +16,20 @@
 //! | K      | `k_detection` | 1 | Q⁻¹(P/4N), P the false-alarm probability |
 //! | K'     | `k_exclusion` | 1 | Q⁻¹(P/4N²) |
 //!
-//! Source: [P4] 2.1, (2) to (6). Keys: docs/references.md. Leaving rows out by rank-one updates: Sherman and Morrison
-//! [GOLUB-VANLOAN]. Derivation of threshold and margin: docs/decisions/021-vpl-separation.md.
+//! Source: [P4] 2.1, (2) to (6); rows left out by rank-one updates, Sherman and Morrison [GOLUB-VANLOAN]. Keys:
+//! docs/references.md. Derivation of threshold and margin: docs/decisions/021-vpl-separation.md.
 //!
 //! Departures. Weights are 1/σ² and the separation in (5) is the measured one (ERRATA). A set's level is the
 //! largest over its own hypotheses "one of its satellites is faulty", which bounds the error under each. As
-//! printed the set of smallest level wins: without a fault that is another than the full one in half of all epochs.
-//! Here the full set fails if its level exceeds T = max_i (k_v σ_i + K σ(s_i)), which N normal variables do with
-//! at most P/2. Satellite i is left out only if the level shrinks by more than a *margin*: with j the hypothesis
-//! that sets the full set's level,
+//! printed the set of smallest level wins: without a fault that is another than the full one in up to half of
+//! all epochs. Here the full set fails if its level exceeds T = max_i (k_v σ_i + K σ(s_i)), which N normal
+//! variables do with at most P/2. Satellite i is left out only if the level shrinks by more than a *margin*:
+//! with j the hypothesis that sets the full set's level,
 //!
 //! margin = k_v (σ_j − σ_ij) + K' σ(s_j − s_ij), for j = i: k_v (σ_i − max σ_ij) + K' σ(s_i), at least 0,
 //!
-//! because the set without i has at least abs(s_ij) + k_v σ_ij, and N² normal variables exceed K' with at most
-//! P/2. What remains must pass its own T.
+//! because the set without i has at least abs(s_ij) + k_v σ_ij, and N² normal variables exceed K' with at
+//! most P/2. What remains must pass its own T.
 //!
 //! Assumes: errors independent between satellites, sigmas that bound them, one faulty satellite. Sees only
 //! what moves the height: a fault without leverage on it is neither detected nor of consequence there.
@@ -45,7 +45,7 @@ use crate::linalg::LinearModel;
 use crate::linalg::qr::WhitenedQr;
 use crate::stats::StatsError;
 use factors::VplFactors;
-use leave_out::{Hypothesis, Row, all_pairs, are_testable, moves, shared};
+use leave_out::{LeftOut, Row, all_pairs, are_testable, moves, shared};
 use nalgebra::{Matrix3, Vector3};
 
 /// A set that lacks one satellite.
@@ -189,7 +189,7 @@ impl VplSeparation {
     }
 
     /// The hypotheses that a set of satellites is tested against, with their rows: of all, or of all but `out`.
-    fn hypotheses(&self, out: Option<usize>) -> impl Iterator<Item = (usize, Hypothesis)> + '_ {
+    fn hypotheses(&self, out: Option<usize>) -> impl Iterator<Item = (usize, LeftOut)> + '_ {
         let lacking = out.and_then(|index| Some((index, self.row(index)?)));
         let rows = self.rows().iter().enumerate();
         rows.filter_map(move |(index, row)| match lacking {
@@ -326,7 +326,7 @@ impl VplSeparation {
     #[inline(never)]
     pub fn hpl_m(&self, out: Option<usize>) -> f64 {
         let mut covariance_enu_m2 = self.covariance_enu_m2;
-        let add = |hypothesis: &Hypothesis, to: Matrix3<f64>| {
+        let add = |hypothesis: &LeftOut, to: Matrix3<f64>| {
             let gain = Vector3::from(hypothesis.gain_enu_m);
             to + gain * gain.transpose() * hypothesis.inverse_cofactor
         };

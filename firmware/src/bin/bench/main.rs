@@ -29,6 +29,8 @@ mod measure;
 #[cfg(target_os = "none")]
 mod messages;
 #[cfg(target_os = "none")]
+mod monitors;
+#[cfg(target_os = "none")]
 mod output;
 #[cfg(target_os = "none")]
 mod risk;
@@ -63,8 +65,9 @@ fn main() -> ! {
     araim::all();
     sensors::all();
     robust::all();
-    consensus::all();
+    monitors::all();
     separation::all();
+    consensus::all();
     hprintln!("end");
     loop {
         debug::exit(debug::EXIT_SUCCESS);

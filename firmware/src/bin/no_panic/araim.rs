@@ -2,6 +2,7 @@
 
 use crate::call::{call1, call2, call4};
 use core::hint::black_box;
+use surefix_core::gnss::System;
 use surefix_core::raim::araim::detection::Detection;
 use surefix_core::raim::araim::modes::SatelliteSet;
 use surefix_core::raim::araim::support::{self, FaultRate, IntegritySupport};
@@ -34,6 +35,8 @@ pub fn all() {
     call1(support::troposphere_sigma_m, 1.0);
     call1(support::gps_user_sigma_m, 1.0);
     call1(support::galileo_user_sigma_m, 1.0);
+    call1(support::bds_user_sigma_m, 1.0);
+    call2(support::user_sigma_m, System::Bds, 1.0);
 
     let parameters = black_box(&AraimParameters::LPV_200);
     let mut araim = Araim::EMPTY;

@@ -2,7 +2,7 @@
 
 use crate::call::{call1, call2, call3};
 use core::hint::black_box;
-use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::solution::{RangeRates, SnapshotWorkspace, UsedRow};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::araim::AraimParameters;
 use surefix_core::raim::araim::support::{FaultRate, IntegritySupport};
@@ -10,8 +10,9 @@ use surefix_core::raim::consensus::ConsensusWorkspace;
 use surefix_core::raim::consensus::suspicion::{self, Suspicions};
 use surefix_core::raim::exclusion::RowSet;
 use surefix_core::raim::igg3::{self, Igg3Config, Igg3Workspace};
-use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor};
+use surefix_core::raim::monitors::araim::{AraimConfig, AraimMonitor, PseudorangeErrors};
 use surefix_core::raim::monitors::consensus::{ConsensusConfig, ConsensusMonitor, ConsensusRule};
+use surefix_core::raim::monitors::doppler::{DopplerConfig, DopplerMonitor};
 use surefix_core::raim::monitors::residual::{ResidualConfig, ResidualMonitor};
 use surefix_core::raim::monitors::rms::{RmsConfig, RmsMonitor, RmsRule};
 use surefix_core::raim::monitors::robust::{RobustConfig, RobustMonitor};
@@ -51,6 +52,14 @@ pub fn all() {
     };
     monitor(&mut residual, &config, &epoch);
 
+    let mut doppler = DopplerMonitor::EMPTY;
+    monitor(&mut doppler, &DopplerConfig::FREE_SKY, &epoch);
+    let workspace = SnapshotWorkspace::EMPTY;
+    call2(DopplerMonitor::assess_velocity, &mut doppler, &workspace);
+    call2(DopplerMonitor::satellites, &doppler, RowSet::EMPTY.with(1));
+    let mut rates = RangeRates::EMPTY;
+    call2(SnapshotWorkspace::range_rates, &workspace, &mut rates);
+
     let mut araim = AraimMonitor::EMPTY;
     let rate = FaultRate::from_rate(black_box(1e-8), black_box(3600.0));
     let support = IntegritySupport {
@@ -63,9 +72,12 @@ pub fn all() {
     let config = AraimConfig {
         parameters: AraimParameters::LPV_200,
         support: [support; 3],
+        errors: PseudorangeErrors::Rows,
+        excludes: true,
         exposure_s: 0.0,
     };
     monitor(&mut araim, &config, &epoch);
+    call1(|araim| AraimMonitor::levels(araim).is_some(), &araim);
 
     let mut rms = RmsMonitor::EMPTY;
     for rule in [RmsRule::Printed, RmsRule::Corrected] {
@@ -86,7 +98,8 @@ pub fn all() {
         |robust| RobustMonitor::workspace(robust).weights().len(),
         &robust,
     );
-    monitor(&mut VplMonitor::EMPTY, &VplConfig::PRESET, &epoch);
+    let mut vpl = VplMonitor::EMPTY;
+    monitor(&mut vpl, &VplConfig::PRESET, &epoch);
     separations(&model);
     estimators(&model);
 

@@ -278,7 +278,7 @@ pub fn compare(seed: u64, trials: u64, constellations: usize) -> Result<Comparis
         let n = fewest + place;
         // Kinds and numbers of satellites go round together.
         let round = trial as usize / comparison.by_satellites.len();
-        let faults = if round % 2 == 0 {
+        let faults = if round.is_multiple_of(2) {
             0
         } else {
             1 + (round / 2) % MOST_FAULTS

@@ -28,6 +28,7 @@ use surefix_core::raim::igg3::{
 use surefix_core::raim::monitors::{MonitorLevels, NoLevels};
 use surefix_core::raim::reconstructed::LevelConvention;
 
+use crate::simulate::noise::uniform;
 use recordings::{Prepared, Subject};
 
 /// Trials unless told otherwise.
@@ -336,11 +337,6 @@ pub fn windows(epochs: usize) -> [[usize; 2]; 2] {
     }
     let scaled = |epoch: usize| (epoch * epochs).div_ceil(EPOCHS_OF_A_DAY).max(1);
     WINDOWS.map(|[first, last]| [scaled(first), scaled(last)])
-}
-
-/// In [0, 1).
-fn uniform(random: &mut ChaCha8Rng) -> f64 {
-    (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
 /// Two satellites used at every epoch of a window.

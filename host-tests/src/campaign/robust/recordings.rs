@@ -7,12 +7,13 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use surefix_core::config::Config;
 use surefix_core::gnss::satellite::SystemSet;
-use surefix_core::gnss::solution::{SnapshotWorkspace, UsedRow};
-use surefix_core::gnss::{BroadcastIonosphere, EphemerisStore, Satellite, SatelliteSet, System};
+use surefix_core::gnss::solution::{RangeRates, UsedRow};
+use surefix_core::gnss::{Satellite, System};
 use surefix_core::linalg::LinearModel;
-use surefix_core::time::GpsTime;
 
-use crate::source::{Item, Recording};
+use crate::linearised::{self, Linearised, Lineariser};
+use crate::simulate::noise::normal;
+use crate::source::Recording;
 use crate::truth::Truth;
 
 /// An epoch ready to be estimated.
@@ -23,12 +24,16 @@ pub struct Prepared {
     pub rows: Vec<UsedRow>,
     /// Error of the point of linearisation, east, north, up, m.
     pub at_enu_m: [f64; 3],
+    /// True velocity east, north, up, m/s, where the truth goes on around the epoch.
+    pub velocity_enu_mps: Option<[f64; 3]>,
+    /// Range rates of the same satellites, taken at rest, m/s.
+    pub rates: Box<RangeRates>,
 }
 
 impl Prepared {
     /// The row of a satellite.
     pub fn row_of(&self, satellite: Satellite) -> Option<usize> {
-        self.rows.iter().position(|row| row.satellite == satellite)
+        linearised::row_of(&self.rows, satellite)
     }
 }
 
@@ -43,41 +48,63 @@ pub struct Subject {
 }
 
 /// Where a recording is and what it is.
-struct Place {
-    name: &'static str,
-    about: &'static str,
+#[derive(Clone, Copy)]
+pub struct Place {
+    /// In the tables.
+    pub name: &'static str,
+    /// What it is, in words.
+    pub about: &'static str,
     gnss: &'static str,
     nav: &'static [&'static str],
-    systems: [System; 2],
+    truth: PlaceTruth,
+    /// Constellations to use.
+    pub systems: [System; 2],
     /// Errors of the model's independent sigma are added: a simulator's pseudoranges have none.
     add_noise: bool,
 }
 
-const ESBC: Place = Place {
+/// Where the antenna was.
+#[derive(Clone, Copy)]
+enum PlaceTruth {
+    /// As the header of the observations says.
+    Header,
+    /// A file with latitude, longitude and height.
+    Point(&'static str),
+    /// A file with a track.
+    Track(&'static str),
+}
+
+/// A day at Esbjerg.
+pub const ESBC: Place = Place {
     name: "esbc",
     about: "static, 24 h, one epoch in 30 s, GPS and BDS",
     gnss: "esbc-2020-177/ESBC00DNK_R_20201770000_01D_30S_MO.crx.gz",
     nav: &["esbc-2020-177/ESBC00DNK_R_20201770000_01D_MN.rnx.gz"],
+    truth: PlaceTruth::Header,
     systems: [System::Gps, System::Bds],
     add_noise: false,
 };
 
-const ESBC_FOUR_HOURS: Place = Place {
+/// Four hours of it.
+pub const ESBC_FOUR_HOURS: Place = Place {
     about: "static, 4 h, one epoch in 30 s, GPS and BDS",
     gnss: "esbc-2020-177/ESBC_2020177_0000-0400.rnx",
     ..ESBC
 };
 
-const NAGOYA: Place = Place {
+/// Five minutes of a receiver at Nagoya.
+pub const NAGOYA: Place = Place {
     name: "nagoya",
     about: "static, 5 min, 1 Hz, GPS and BDS",
     gnss: "matrtklib-static-2024/rover.obs",
     nav: &["matrtklib-static-2024/base.nav"],
+    truth: PlaceTruth::Point("matrtklib-static-2024/rover_position.txt"),
     systems: [System::Gps, System::Bds],
     add_noise: false,
 };
 
-const FLIGHT: Place = Place {
+/// Ten minutes of a simulator's flight.
+pub const FLIGHT: Place = Place {
     name: "spirent",
     about: "simulated flight, 10 min, 1 Hz, GPS and Galileo, noise of one sigma added",
     gnss: "instinct-spirent-dynamic-10min/iono-Klob_tropo-Saast/Rover-dynamic_MO_Spirent.obs",
@@ -85,8 +112,20 @@ const FLIGHT: Place = Place {
         "instinct-spirent-dynamic-10min/RINEX_GN_Spirent.23N",
         "instinct-spirent-dynamic-10min/RINEX_EN_Spirent.23L",
     ],
+    truth: PlaceTruth::Track("instinct-spirent-dynamic-10min/Rover-dynamic_PVA_Spirent.csv"),
     systems: [System::Gps, System::Galileo],
     add_noise: true,
+};
+
+/// A walk of two minutes among buildings and trees.
+pub const WALK: Place = Place {
+    name: "walk",
+    about: "on foot among obstructions, 134 s, 4 Hz, GPS and Galileo",
+    gnss: "walk0827-x20p-imu/derived_convbin.obs",
+    nav: &["walk0827-x20p-imu/derived_convbin.nav"],
+    truth: PlaceTruth::Track("walk0827-x20p-imu/gnss_1730.ubx"),
+    systems: [System::Gps, System::Galileo],
+    add_noise: false,
 };
 
 /// The recordings in a folder; `short` takes four hours of the day.
@@ -94,41 +133,63 @@ const FLIGHT: Place = Place {
 /// # Errors
 /// When one is absent or unusable.
 pub fn subjects(data: &Path, config: &Config, seed: u64, short: bool) -> Result<Vec<Subject>> {
-    let static_truth = |folder: &Path| -> Result<Truth> {
-        let path = folder.join("matrtklib-static-2024/rover_position.txt");
-        let text = std::fs::read_to_string(&path)
-            .with_context(|| format!("cannot read {}", path.display()))?;
-        let numbers: Vec<f64> = text
-            .split_whitespace()
-            .filter_map(|word| word.parse().ok())
-            .collect();
-        match numbers[..] {
-            [lat_deg, lon_deg, height_m] => Ok(Truth::fixed_llh(
-                [lat_deg, lon_deg, height_m],
-                path.display().to_string(),
-            )),
-            _ => bail!(
-                "{} does not hold latitude, longitude and height",
-                path.display()
-            ),
-        }
-    };
     let esbc = if short { ESBC_FOUR_HOURS } else { ESBC };
-    let track = data.join("instinct-spirent-dynamic-10min/Rover-dynamic_PVA_Spirent.csv");
-    Ok(vec![
-        read(data, &esbc, config, None, seed)?,
-        read(data, &NAGOYA, config, Some(static_truth(data)?), seed)?,
-        read(data, &FLIGHT, config, Some(Truth::read(&track)?), seed)?,
-    ])
+    [esbc, NAGOYA, FLIGHT]
+        .iter()
+        .map(|place| read(data, place, config, seed))
+        .collect()
 }
 
-fn read(
-    data: &Path,
-    place: &Place,
-    config: &Config,
-    truth: Option<Truth>,
-    seed: u64,
-) -> Result<Subject> {
+impl Place {
+    /// As it was measured, with these constellations.
+    pub fn as_measured(self, systems: [System; 2]) -> Self {
+        Self {
+            systems,
+            add_noise: false,
+            ..self
+        }
+    }
+
+    /// Whether a simulator made it, without errors of its own.
+    pub fn is_simulated(&self) -> bool {
+        self.name == FLIGHT.name
+    }
+
+    /// `None` where the header of the observations has to say it.
+    fn truth(&self, data: &Path) -> Result<Option<Truth>> {
+        match self.truth {
+            PlaceTruth::Header => Ok(None),
+            PlaceTruth::Track(file) => Truth::read(&data.join(file)).map(Some),
+            PlaceTruth::Point(file) => point(&data.join(file)).map(Some),
+        }
+    }
+}
+
+/// An antenna that stands where a file says.
+fn point(path: &Path) -> Result<Truth> {
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let numbers: Vec<f64> = text
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    match numbers[..] {
+        [lat_deg, lon_deg, height_m] => Ok(Truth::fixed_llh(
+            [lat_deg, lon_deg, height_m],
+            path.display().to_string(),
+        )),
+        _ => bail!(
+            "{} does not hold latitude, longitude and height",
+            path.display()
+        ),
+    }
+}
+
+/// The epochs of one recording, of the constellations of the place.
+///
+/// # Errors
+/// When it is absent or unusable.
+pub fn read(data: &Path, place: &Place, config: &Config, seed: u64) -> Result<Subject> {
     let mut config = *config;
     config.systems = place
         .systems
@@ -142,44 +203,28 @@ fn read(
             data.display()
         )
     })?;
-    let truth = match (truth, &recording.info.station) {
+    let truth = match (place.truth(data)?, &recording.info.station) {
         (Some(truth), _) => truth,
         (None, Some((r_e_m, source))) => Truth::fixed(*r_e_m, source.clone()),
         (None, None) => bail!("{} states no position of its antenna", place.gnss),
     };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(u64::MAX);
-    let mut reader = Reader {
-        store: Box::new(EphemerisStore::EMPTY),
-        ionosphere: BroadcastIonosphere::EMPTY,
-        workspace: Box::new(SnapshotWorkspace::EMPTY),
-        start: None,
-        first: None,
-    };
+    let mut lineariser = Lineariser::new(&config);
     let mut epochs = Vec::new();
     for item in &recording.items {
-        match item {
-            Item::Ephemeris(ephemeris) => {
-                let _ = reader.store.insert(ephemeris);
+        let Some(Ok(linearised)) = lineariser.take(item) else {
+            continue;
+        };
+        let Some(mut prepared) = prepare(linearised, &truth) else {
+            continue;
+        };
+        if place.add_noise {
+            for (residual_m, row) in prepared.model.residual_m.iter_mut().zip(&prepared.rows) {
+                *residual_m += row.sigma.independent_m * normal(&mut random);
             }
-            Item::Klobuchar(parameters) => {
-                reader.ionosphere.insert(*parameters);
-            }
-            Item::Epoch(epoch) => {
-                let Some(mut prepared) = reader.prepare(epoch, &config, &truth) else {
-                    continue;
-                };
-                if place.add_noise {
-                    for (residual_m, row) in
-                        prepared.model.residual_m.iter_mut().zip(&prepared.rows)
-                    {
-                        *residual_m += row.sigma.independent_m * normal(&mut random);
-                    }
-                }
-                epochs.push(prepared);
-            }
-            Item::ForFilter(_) => {}
         }
+        epochs.push(prepared);
     }
     if epochs.len() < 100 {
         bail!(
@@ -195,45 +240,24 @@ fn read(
     })
 }
 
-struct Reader {
-    store: Box<EphemerisStore>,
-    ionosphere: BroadcastIonosphere,
-    workspace: Box<SnapshotWorkspace>,
-    start: Option<[f64; 3]>,
-    first: Option<GpsTime>,
-}
-
-impl Reader {
-    fn prepare(
-        &mut self,
-        epoch: &surefix_core::gnss::ObservationEpoch,
-        config: &Config,
-        truth: &Truth,
-    ) -> Option<Prepared> {
-        let first = *self.first.get_or_insert(epoch.time);
-        self.workspace
-            .prepare(epoch, &self.store, &self.ionosphere, config);
-        let solution = self.workspace.solve(SatelliteSet::EMPTY, self.start).ok()?;
-        self.start = Some(solution.r_e_m);
-        let true_e_m = truth.at(epoch.time, epoch.time.ns() - first.ns())?;
-        let at_enu_m = Truth::error_enu_m(true_e_m, solution.r_e_m)?;
-        let rows: Vec<UsedRow> = self.workspace.used_rows().collect();
-        let mut model = Box::new(LinearModel::EMPTY);
-        (*model).clone_from(self.workspace.model());
-        for (sigma_m, row) in model.sigma_m.iter_mut().zip(&rows) {
-            *sigma_m = row.sigma.total_m();
-        }
-        Some(Prepared {
-            model,
-            rows,
-            at_enu_m,
-        })
+/// With the sigmas of the whole error, as [P3] (3) adds them up.
+fn prepare(linearised: Linearised, truth: &Truth) -> Option<Prepared> {
+    let at_enu_m = linearised.error_enu_m(truth)?;
+    let velocity_enu_mps = linearised.true_velocity_enu_mps(truth);
+    let Linearised {
+        mut model,
+        rows,
+        rates,
+        ..
+    } = linearised;
+    for (sigma_m, row) in model.sigma_m.iter_mut().zip(&rows) {
+        *sigma_m = row.sigma.total_m();
     }
-}
-
-/// Standard normal (Box and Muller).
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    let uniform = |random: &mut ChaCha8Rng| super::uniform(random);
-    let radius = (-2.0 * (1.0 - uniform(random)).ln()).sqrt();
-    radius * (std::f64::consts::TAU * uniform(random)).cos()
+    Some(Prepared {
+        model,
+        rows,
+        at_enu_m,
+        velocity_enu_mps,
+        rates,
+    })
 }

@@ -1,0 +1,247 @@
+//! All monitors on the same epochs with the same faults.
+//!
+//! A fault is a number added to a row of the linearised epoch, measured minus predicted, after the linearisation: every
+//! monitor gets the same rows to the bit. Put on the pseudorange instead, the point of linearisation would move by
+//! metres; at 100 m that changes a row by less than a millimetre.
+
+use anyhow::{Result, anyhow, bail};
+use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::{Satellite, SatelliteSet};
+use surefix_core::integrity::{Phase, PhaseRequirements};
+use surefix_core::linalg::LinearModel;
+use surefix_core::raim::monitors::MonitorEpoch;
+
+use super::counts::{Counts, Said, Summary};
+use super::registry::{Configured, Entry, Tests};
+use super::subject::Subject;
+use super::sweep::Trial;
+use crate::faults::{FaultInjector, FaultSpec};
+use crate::linearised::{Linearised, row_of};
+
+/// A monitor of the registry with its counts.
+pub struct Contestant {
+    /// Its entry.
+    pub entry: &'static Entry,
+    /// Its memory, bytes.
+    pub memory_b: usize,
+    monitor: Box<dyn Configured>,
+}
+
+impl Contestant {
+    /// Configured for a phase of flight.
+    ///
+    /// # Errors
+    /// When it refuses the configuration.
+    pub fn new(entry: &'static Entry, phase: Phase) -> Result<Self> {
+        let made = (entry.make)(phase)?;
+        Ok(Self {
+            entry,
+            memory_b: made.memory_b,
+            monitor: made.monitor,
+        })
+    }
+
+    fn says(
+        &mut self,
+        model: &LinearModel,
+        rows: &[UsedRow],
+        at_enu_m: Option<[f64; 3]>,
+    ) -> Result<Said> {
+        let epoch = MonitorEpoch::new(model, rows)
+            .map_err(|error| anyhow!("an epoch is no epoch of a monitor: {error:?}"))?;
+        Ok(Said::new(&self.monitor.assess(&epoch), rows, at_enu_m))
+    }
+}
+
+/// The rows of an epoch with faults on them.
+struct Faulty {
+    model: Box<LinearModel>,
+    rates: LinearModel,
+    faulted: Faulted,
+}
+
+/// Satellites with a faulty pseudorange, and with a faulty range rate.
+#[derive(Clone, Copy, Debug)]
+pub struct Faulted {
+    /// Of pseudoranges.
+    pub pseudoranges: SatelliteSet,
+    /// Of range rates.
+    pub range_rates: SatelliteSet,
+}
+
+impl Faulted {
+    /// What a monitor that tests these should find.
+    pub const fn of(&self, tests: Tests) -> &SatelliteSet {
+        match tests {
+            Tests::Pseudoranges => &self.pseudoranges,
+            Tests::RangeRates => &self.range_rates,
+        }
+    }
+}
+
+impl Faulty {
+    fn new(epoch: &Linearised, faults: impl Iterator<Item = (Satellite, f64, f64)>) -> Self {
+        let mut faulty = Self {
+            model: epoch.model.clone(),
+            rates: epoch.rates.model.clone(),
+            faulted: Faulted {
+                pseudoranges: SatelliteSet::EMPTY,
+                range_rates: SatelliteSet::EMPTY,
+            },
+        };
+        for (satellite, value_m, rate_mps) in faults {
+            if let Some(row) = row_of(&epoch.rows, satellite) {
+                faulty.model.residual_m[row] += value_m;
+                faulty.faulted.pseudoranges.insert(satellite);
+            }
+            if rate_mps != 0.0
+                && let Some(row) = row_of(&epoch.rates.rows, satellite)
+            {
+                faulty.rates.residual_m[row] += rate_mps;
+                faulty.faulted.range_rates.insert(satellite);
+            }
+        }
+        faulty
+    }
+}
+
+/// The epochs of a recording as they are, with the faults of the command line on some of them.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// Of each epoch, what is faulted.
+    pub faulted: Vec<Faulted>,
+    /// Of each epoch, what each monitor said.
+    pub said: Vec<Vec<Said>>,
+}
+
+impl Series {
+    /// Puts what the monitor of a number said in place of what it said before, or behind the others; `None` where it said
+    /// nothing.
+    pub fn set(&mut self, monitor: usize, said: Vec<Option<Said>>) {
+        for (others, said) in self.said.iter_mut().zip(said) {
+            others.truncate(monitor);
+            others.push(said.unwrap_or_else(|| Said::nothing("no_report")));
+        }
+    }
+
+    /// Counts of the monitor of a number over the epochs with or without a fault of what it tests.
+    pub fn counts(
+        &self,
+        monitor: usize,
+        tests: Tests,
+        faulted: bool,
+        limits: &PhaseRequirements,
+    ) -> Summary {
+        let mut counts = Counts::default();
+        let sets = self.faulted.iter().map(|faulted| faulted.of(tests));
+        for (set, said) in sets.zip(&self.said) {
+            if set.is_empty() != faulted
+                && let Some(said) = said.get(monitor)
+            {
+                counts.book(said, set, limits);
+            }
+        }
+        counts.summary()
+    }
+}
+
+/// Runs the monitors over all epochs.
+///
+/// # Errors
+/// When a fault touches no row of an epoch.
+pub fn series(
+    subject: &Subject,
+    contestants: &mut [Contestant],
+    faults: &[FaultSpec],
+    seed: u64,
+    progress: &mut dyn FnMut(),
+) -> Result<Series> {
+    let mut injector = FaultInjector::new(faults, seed);
+    let mut touched = vec![false; faults.len()];
+    let mut series = Series {
+        faulted: Vec::new(),
+        said: Vec::new(),
+    };
+    for epoch in &subject.epochs {
+        let linearised = &epoch.linearised;
+        let t_s = linearised.t_s();
+        let faulty = Faulty::new(linearised, injector.values(t_s));
+        for (touched, fault) in touched.iter_mut().zip(faults) {
+            let is_active = (fault.t0_s..fault.t1_s).contains(&t_s);
+            *touched |= is_active && faulty.faulted.pseudoranges.contains(fault.satellite);
+        }
+        let said: Result<Vec<Said>> = contestants
+            .iter_mut()
+            .map(|contestant| match contestant.entry.tests {
+                Tests::Pseudoranges => {
+                    contestant.says(&faulty.model, &linearised.rows, epoch.at_enu_m)
+                }
+                Tests::RangeRates => {
+                    // What it estimates is the velocity itself.
+                    let against = epoch.velocity_enu_mps.map(|v| v.map(|v_mps| -v_mps));
+                    contestant.says(&faulty.rates, &linearised.rates.rows, against)
+                }
+            })
+            .collect();
+        series.said.push(said?);
+        series.faulted.push(faulty.faulted);
+        progress();
+    }
+    if let Some((fault, _)) = faults.iter().zip(touched).find(|(_, touched)| !touched) {
+        bail!(
+            "the fault {fault} touches no epoch: the satellite is in no solution from {} s to {} s; in the first are {}",
+            fault.t0_s,
+            fault.t1_s,
+            names(subject)
+        );
+    }
+    Ok(series)
+}
+
+fn names(subject: &Subject) -> String {
+    let first = subject.epochs.iter().take(1);
+    let names: Vec<String> = first
+        .flat_map(|epoch| &epoch.linearised.rows)
+        .map(|row| row.satellite.to_string())
+        .collect();
+    names.join(" ")
+}
+
+/// Runs every trial with a fault of each size; by size, then by monitor. A monitor of range rates has
+/// no part in it.
+///
+/// # Errors
+/// None that a recording can cause.
+pub fn sweep(
+    subject: &Subject,
+    contestants: &mut [Contestant],
+    sizes_m: &[f64],
+    trials: &[Trial],
+    limits: &PhaseRequirements,
+    progress: &mut dyn FnMut(),
+) -> Result<Vec<Vec<Summary>>> {
+    let mut by_size = Vec::new();
+    for size_m in sizes_m {
+        let mut counts = vec![Counts::default(); contestants.len()];
+        for trial in trials {
+            let epoch = &subject.epochs[trial.epoch];
+            let rows = &epoch.linearised.rows;
+            let faults = trial
+                .rows
+                .iter()
+                // A fault of no size is none.
+                .filter(|_| *size_m > 0.0)
+                .map(|(row, sign)| (rows[*row].satellite, sign * size_m, 0.0));
+            let faulty = Faulty::new(&epoch.linearised, faults);
+            for (contestant, counts) in contestants.iter_mut().zip(&mut counts) {
+                if contestant.entry.tests == Tests::Pseudoranges {
+                    let said = contestant.says(&faulty.model, rows, epoch.at_enu_m)?;
+                    counts.book(&said, &faulty.faulted.pseudoranges, limits);
+                }
+            }
+            progress();
+        }
+        by_size.push(counts.into_iter().map(Counts::summary).collect());
+    }
+    Ok(by_size)
+}

@@ -1,0 +1,95 @@
+//! surefix itself in the comparison: a replay of the same recording with the same faults.
+//!
+//! It is no monitor of one epoch alone: it remembers whom it excluded and holds an alert, and with an inertial unit its
+//! filters remember more. So it takes part where a recording runs from its beginning to its end, and not in a
+//! sweep, whose trials are single epochs. Its faults are on the pseudoranges. What it says of epochs without a fault is
+//! counted from a replay without any: after a fault it keeps the satellite out for a while, which is no false alert.
+
+use std::collections::BTreeMap;
+
+use anyhow::{Context, Result};
+use surefix_core::integrity::{Integrity, Mode};
+use surefix_core::raim::monitors::MonitorLevels;
+use surefix_core::report::EpochReport;
+
+use super::counts::{Answer, Said};
+use super::subject::Subject;
+use crate::faults::FaultSpec;
+use crate::replay::{self, ReplayOptions, TruthChoice};
+
+/// Its name on the command line and in files.
+pub const NAME: &str = "surefix";
+
+/// What it said, and what it was.
+pub struct Product {
+    /// In tables.
+    pub title: &'static str,
+    /// Of each epoch of the subject; `None` where it gave no report of it.
+    pub said: Vec<Option<Said>>,
+}
+
+/// Replays the recording with these faults.
+///
+/// # Errors
+/// As [`replay::run`].
+pub fn run(
+    options: &ReplayOptions,
+    faults: &[FaultSpec],
+    subject: &Subject,
+    progress: &mut dyn FnMut(u64, u64),
+) -> Result<Product> {
+    let mut options = options.clone();
+    options.faults = faults.to_vec();
+    options.truth = match &subject.truth {
+        Some(truth) => TruthChoice::Given(truth.clone()),
+        None => TruthChoice::FromRecording,
+    };
+    let result = replay::run(&options, &mut |reports, all| {
+        progress(reports.len() as u64, all);
+    })
+    .context("replay for the row \"surefix\"; --monitors leaves it out")?;
+    let mut by_time: BTreeMap<i64, Said> = BTreeMap::new();
+    for (report, error_enu_m) in result.reports.iter().zip(&result.errors_enu_m) {
+        by_time.insert(report.time.ns(), said(report, *error_enu_m));
+    }
+    let is_tight = result
+        .reports
+        .iter()
+        .any(|report| report.mode == Mode::Tight);
+    Ok(Product {
+        title: if is_tight {
+            "surefix, filter bank and snapshot"
+        } else {
+            "surefix, snapshot"
+        },
+        said: subject
+            .epochs
+            .iter()
+            .map(|epoch| by_time.remove(&epoch.linearised.time.ns()))
+            .collect(),
+    })
+}
+
+fn said(report: &EpochReport, error_enu_m: Option<[f64; 3]>) -> Said {
+    let verdict = &report.verdict;
+    let levels = match (verdict.hpl.bound_m(), verdict.vpl.bound_m()) {
+        (Some(hpl_m), Some(vpl_m)) => Ok(MonitorLevels { hpl_m, vpl_m }),
+        _ => Err(verdict.reason.name()),
+    };
+    // A level above its limit is no matter of the test: the monitors beside it know no limits.
+    let answer = match verdict.integrity {
+        Integrity::Alert => Answer::Detected,
+        _ if report.fix.is_none() => Answer::NotTested(verdict.reason.name()),
+        Integrity::Excluded => Answer::Excluded,
+        Integrity::Nominal => Answer::Passed,
+        Integrity::Unavailable if levels.is_err() => Answer::NotTested(verdict.reason.name()),
+        Integrity::Unavailable if verdict.excluded.is_empty() => Answer::Passed,
+        Integrity::Unavailable => Answer::Excluded,
+    };
+    Said {
+        answer,
+        excluded: verdict.excluded,
+        error_enu_m,
+        levels,
+    }
+}
