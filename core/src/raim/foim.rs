@@ -31,7 +31,7 @@ pub fn count(workspace: &mut ConsensusWorkspace, factor: f64, gdop_limit: f64) {
     workspace.suspicions.clear(n);
     match workspace.clocks() {
         1 => {
-            multiply_pairs(workspace);
+            workspace.multiply_pairs();
             each_subset::<1>(workspace, factor, gdop_limit);
         }
         2 => each_subset::<2>(workspace, factor, gdop_limit),
@@ -40,25 +40,8 @@ pub fn count(workspace: &mut ConsensusWorkspace, factor: f64, gdop_limit: f64) {
     }
 }
 
-/// Above the diagonal, where members ascend.
-fn multiply_pairs(workspace: &mut ConsensusWorkspace) {
-    for first in 0..workspace.rows().len() {
-        for second in first + 1..workspace.rows().len() {
-            let (Some(a), Some(b)) = (workspace.rows().get(first), workspace.rows().get(second))
-            else {
-                return;
-            };
-            let product = gdop4::pair_product(a.direction(), b.direction());
-            let place = workspace.pairs.get_mut(first);
-            if let Some(place) = place.and_then(|pairs| pairs.get_mut(second)) {
-                *place = product;
-            }
-        }
-    }
-}
-
 /// GDOP² of four members by the closed form; `None` for what has none.
-#[inline]
+#[inline(always)]
 fn gdop_squared(workspace: &ConsensusWorkspace, members: &[usize]) -> Option<f64> {
     let &[first, second, third, fourth] = members else {
         return None;
@@ -76,23 +59,33 @@ fn gdop_squared(workspace: &ConsensusWorkspace, members: &[usize]) -> Option<f64
     .ok()
 }
 
-/// A subset within the limit, solved.
-#[inline]
-fn admitted<const CLOCKS: usize>(
+/// The dilution of a subset, which with more than one clock is solved then; `None` for what has none.
+#[inline(always)]
+fn dilution_squared<const CLOCKS: usize>(
+    workspace: &ConsensusWorkspace,
+    members: &[usize],
+    minimal: &mut Minimal<CLOCKS>,
+) -> Option<f64> {
+    if CLOCKS == 1 {
+        gdop_squared(workspace, members)
+    } else if minimal.solve(workspace.rows(), members) {
+        Some(minimal.position_dilution_squared())
+    } else {
+        None
+    }
+}
+
+/// Solves a subset within the limit; false for one that is not.
+#[inline(always)]
+fn admit<const CLOCKS: usize>(
     workspace: &ConsensusWorkspace,
     members: &[usize],
     limit_squared: f64,
-) -> Option<Minimal<CLOCKS>> {
-    if CLOCKS == 1 {
-        let is_admitted = gdop_squared(workspace, members)? <= limit_squared;
-        return if is_admitted {
-            Minimal::solve(workspace.rows(), members)
-        } else {
-            None
-        };
-    }
-    let minimal = Minimal::solve(workspace.rows(), members)?;
-    (minimal.position_dilution_squared() <= limit_squared).then_some(minimal)
+    minimal: &mut Minimal<CLOCKS>,
+) -> bool {
+    let dilution_squared = dilution_squared(workspace, members, minimal);
+    dilution_squared.is_some_and(|squared| squared <= limit_squared)
+        && (CLOCKS > 1 || minimal.solve(workspace.rows(), members))
 }
 
 #[inline(never)]
@@ -103,15 +96,16 @@ fn each_subset<const CLOCKS: usize>(
 ) {
     let limit_squared = gdop_limit * gdop_limit;
     let mut is_member = [false; MAX_SATELLITES];
+    let mut minimal = Minimal::<CLOCKS>::EMPTY;
     let mut subsets = Subsets::new(workspace.rows().len(), workspace.members());
     while let Some(members) = subsets.next() {
         if workspace.is_left_out(members) {
             continue;
         }
-        let Some(minimal) = admitted::<CLOCKS>(workspace, members, limit_squared) else {
+        if !admit(workspace, members, limit_squared, &mut minimal) {
             workspace.suspicions.dropped += 1;
             continue;
-        };
+        }
         for member in members {
             if let Some(is_member) = is_member.get_mut(*member) {
                 *is_member = true;
@@ -131,18 +125,14 @@ fn each_subset<const CLOCKS: usize>(
 fn admit_best<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, row: usize, factor: f64) {
     let mut best_squared = f64::INFINITY;
     let mut best = [0; super::consensus::MAX_MEMBERS];
+    let mut minimal = Minimal::<CLOCKS>::EMPTY;
     let size = workspace.members();
     let mut subsets = Subsets::new(workspace.rows().len(), size);
     while let Some(members) = subsets.next() {
         if !members.contains(&row) || workspace.is_left_out(members) {
             continue;
         }
-        let dilution_squared = if CLOCKS == 1 {
-            gdop_squared(workspace, members)
-        } else {
-            Minimal::<CLOCKS>::solve(workspace.rows(), members)
-                .map(|minimal| minimal.position_dilution_squared())
-        };
+        let dilution_squared = dilution_squared(workspace, members, &mut minimal);
         if let Some(squared) = dilution_squared
             && squared < best_squared
         {
@@ -154,7 +144,7 @@ fn admit_best<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, row: usiz
     }
     if best_squared < f64::INFINITY
         && let Some(members) = best.get(..size)
-        && let Some(minimal) = Minimal::<CLOCKS>::solve(workspace.rows(), members)
+        && minimal.solve(workspace.rows(), members)
     {
         workspace.suspicions.dropped -= 1;
         workspace.suspect(members, &minimal, factor * factor);

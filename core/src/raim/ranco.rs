@@ -61,10 +61,11 @@ fn search<const CLOCKS: usize>(
     let rows = workspace.rows();
     let mut subsets = Subsets::new(rows.len(), workspace.members());
     let mut best: Option<RangeConsensus> = None;
+    let mut minimal = Minimal::<CLOCKS>::EMPTY;
     while let Some(members) = subsets.next() {
-        let Some(minimal) = Minimal::<CLOCKS>::solve(rows, members) else {
+        if !minimal.solve(rows, members) {
             continue;
-        };
+        }
         let mut candidate = RangeConsensus {
             members: RowSet::EMPTY,
             inliers: 0,

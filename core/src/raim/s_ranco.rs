@@ -27,14 +27,16 @@ pub fn count(workspace: &mut ConsensusWorkspace, factor: f64) {
 
 #[inline(never)]
 fn each_subset<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, factor: f64) {
+    let mut minimal = Minimal::<CLOCKS>::EMPTY;
     let mut subsets = Subsets::new(workspace.rows().len(), workspace.members());
     while let Some(members) = subsets.next() {
         if workspace.is_left_out(members) {
             continue;
         }
-        match Minimal::<CLOCKS>::solve(workspace.rows(), members) {
-            Some(minimal) => workspace.suspect(members, &minimal, factor * factor),
-            None => workspace.suspicions.dropped += 1,
+        if minimal.solve(workspace.rows(), members) {
+            workspace.suspect(members, &minimal, factor * factor);
+        } else {
+            workspace.suspicions.dropped += 1;
         }
     }
 }

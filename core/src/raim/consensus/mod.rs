@@ -31,6 +31,7 @@ pub(crate) mod subsets;
 pub mod suspicion;
 
 use super::exclusion::RowSet;
+use super::gdop4::pair_product;
 use crate::consts::{MAX_CLOCKS, MAX_SATELLITES, MAX_UNKNOWNS};
 use crate::linalg::LinearModel;
 use suspicion::Suspicions;
@@ -84,10 +85,6 @@ impl Row {
         residual_m: 0.0,
         variance_m2: 1.0,
     };
-
-    pub(super) const fn direction(&self) -> &[f64; 3] {
-        &self.direction
-    }
 }
 
 /// Memory of the algorithms, owned by the caller (21 kB).
@@ -175,8 +172,23 @@ impl ConsensusWorkspace {
         self.rows.get(..self.n).unwrap_or(&[])
     }
 
+    /// Forms E_ij above the diagonal, where members ascend.
+    pub(super) fn multiply_pairs(&mut self) {
+        let mut rest = self.rows.get(..self.n).unwrap_or(&[]);
+        for pairs in &mut self.pairs {
+            let Some((row, following)) = rest.split_first() else {
+                return;
+            };
+            let places = pairs.iter_mut().skip(self.n - following.len());
+            for (place, other) in places.zip(following) {
+                *place = pair_product(&row.direction, &other.direction);
+            }
+            rest = following;
+        }
+    }
+
     /// Books what the predictions of a subset make of the other rows.
-    #[inline]
+    #[inline(always)]
     pub(super) fn suspect<const CLOCKS: usize>(
         &mut self,
         members: &[usize],
@@ -248,7 +260,18 @@ struct Difference {
     variance_m2: f64,
 }
 
-/// The solution of a subset that has as many members as unknowns.
+impl Difference {
+    #[inline(always)]
+    fn set(&mut self, row: &Row, reference: &Row, clock: usize) {
+        self.direction = minus(&row.direction, &reference.direction);
+        self.residual_m = row.residual_m - reference.residual_m;
+        self.clock = clock;
+        self.variance_m2 = row.variance_m2;
+    }
+}
+
+/// The solution of a subset that has as many members as unknowns; filled in place, because it is made
+/// thousands of times an epoch.
 pub(super) struct Minimal<const CLOCKS: usize> {
     /// The first member of each clock.
     references: [Row; CLOCKS],
@@ -257,65 +280,82 @@ pub(super) struct Minimal<const CLOCKS: usize> {
 }
 
 impl<const CLOCKS: usize> Minimal<CLOCKS> {
-    /// Solves a subset; `None` where it leaves an unknown undetermined.
-    #[inline]
-    pub(super) fn solve(rows: &[Row], members: &[usize]) -> Option<Self> {
-        let mut references = [Row::EMPTY; CLOCKS];
-        let mut has_reference = [false; CLOCKS];
-        let mut differences = [Difference {
+    /// Of no subset.
+    pub(super) const EMPTY: Self = Self {
+        references: [Row::EMPTY; CLOCKS],
+        differences: [Difference {
             direction: [0.0; 3],
             residual_m: 0.0,
             inverse: [0.0; 3],
             clock: 0,
             variance_m2: 0.0,
-        }; 3];
-        let mut filled = 0;
+        }; 3],
+        position_m: [0.0; 3],
+    };
+
+    /// The clock of a row, which with one clock is known beforehand.
+    #[inline(always)]
+    const fn clock_of(clock: usize) -> usize {
+        if CLOCKS == 1 { 0 } else { clock }
+    }
+
+    /// Solves a subset; false where it leaves an unknown undetermined.
+    #[inline(always)]
+    pub(super) fn solve(&mut self, rows: &[Row], members: &[usize]) -> bool {
+        self.difference(rows, members).is_some() && self.invert()
+    }
+
+    /// Takes the members of each clock minus its first; `None` where a clock has none.
+    #[inline(always)]
+    fn difference(&mut self, rows: &[Row], members: &[usize]) -> Option<()> {
+        if CLOCKS == 1 {
+            let &[first, ref others @ ..] = members.first_chunk::<4>()?;
+            let reference = rows.get(first)?;
+            *self.references.first_mut()? = *reference;
+            for (difference, member) in self.differences.iter_mut().zip(others) {
+                difference.set(rows.get(*member)?, reference, 0);
+            }
+            return Some(());
+        }
+        let mut has_reference = [false; CLOCKS];
+        let mut differences = self.differences.iter_mut();
         for member in members {
             let row = rows.get(*member)?;
-            let reference = references.get_mut(row.clock)?;
+            let reference = self.references.get_mut(row.clock)?;
             let has = has_reference.get_mut(row.clock)?;
-            if !*has {
+            if *has {
+                // With a clock missing there are four or more.
+                differences.next()?.set(row, reference, row.clock);
+            } else {
                 *has = true;
                 *reference = *row;
-                continue;
             }
-            // With a clock missing there are four or more differences.
-            let difference = differences.get_mut(filled)?;
-            difference.direction = minus(&row.direction, &reference.direction);
-            difference.residual_m = row.residual_m - reference.residual_m;
-            difference.clock = row.clock;
-            difference.variance_m2 = row.variance_m2;
-            filled += 1;
         }
-        let [first, second, third] = &mut differences;
-        let crossed = [
-            cross(&second.direction, &third.direction),
-            cross(&third.direction, &first.direction),
-            cross(&first.direction, &second.direction),
-        ];
-        let volume = dot(&first.direction, &crossed[0]);
-        let is_determined = filled == 3 && libm::fabs(volume) > LEAST_VOLUME;
-        if !is_determined {
-            return None;
+        differences.next().is_none().then_some(())
+    }
+
+    /// Inverts the three differences; false where they span nothing.
+    #[inline(always)]
+    fn invert(&mut self) -> bool {
+        let [first, second, third] = &mut self.differences;
+        first.inverse = cross(&second.direction, &third.direction);
+        second.inverse = cross(&third.direction, &first.direction);
+        third.inverse = cross(&first.direction, &second.direction);
+        let volume = dot(&first.direction, &first.inverse);
+        // Written so that NaN refuses.
+        if !(libm::fabs(volume) > LEAST_VOLUME) {
+            return false;
         }
         let scale = 1.0 / volume;
         let mut position_m = [0.0; 3];
-        for (difference, crossed) in differences.iter_mut().zip(&crossed) {
-            for ((inverse, entry), x) in difference
-                .inverse
-                .iter_mut()
-                .zip(crossed)
-                .zip(&mut position_m)
-            {
-                *inverse = entry * scale;
+        for difference in &mut self.differences {
+            for (inverse, x) in difference.inverse.iter_mut().zip(&mut position_m) {
+                *inverse *= scale;
                 *x += *inverse * difference.residual_m;
             }
         }
-        Some(Self {
-            references,
-            differences,
-            position_m,
-        })
+        self.position_m = position_m;
+        true
     }
 
     /// Squared position dilution: what independent errors of 1 m on all members do to the position.
@@ -324,7 +364,7 @@ impl<const CLOCKS: usize> Minimal<CLOCKS> {
         let mut of_references = [[0.0; 3]; CLOCKS];
         for difference in &self.differences {
             sum += dot(&difference.inverse, &difference.inverse);
-            if let Some(total) = of_references.get_mut(difference.clock) {
+            if let Some(total) = of_references.get_mut(Self::clock_of(difference.clock)) {
                 for (entry, inverse) in total.iter_mut().zip(&difference.inverse) {
                     *entry += inverse;
                 }
@@ -337,18 +377,19 @@ impl<const CLOCKS: usize> Minimal<CLOCKS> {
     }
 
     /// The prediction of a row that is no member.
-    #[inline]
+    #[inline(always)]
     fn predict(&self, row: &Row) -> Option<Prediction> {
-        let reference = self.references.get(row.clock)?;
+        let clock = Self::clock_of(row.clock);
+        let reference = self.references.get(clock)?;
         let direction = minus(&row.direction, &reference.direction);
         let error_m = row.residual_m - reference.residual_m - dot(&direction, &self.position_m);
         let mut variance_m2 = row.variance_m2;
         let mut of_references = [0.0; CLOCKS];
-        *of_references.get_mut(row.clock)? = 1.0;
+        *of_references.get_mut(clock)? = 1.0;
         for difference in &self.differences {
             let weight = dot(&direction, &difference.inverse);
             variance_m2 += weight * weight * difference.variance_m2;
-            *of_references.get_mut(difference.clock)? -= weight;
+            *of_references.get_mut(Self::clock_of(difference.clock))? -= weight;
         }
         for (weight, reference) in of_references.iter().zip(&self.references) {
             variance_m2 += weight * weight * reference.variance_m2;
@@ -360,7 +401,7 @@ impl<const CLOCKS: usize> Minimal<CLOCKS> {
     }
 
     /// Visits the predictions that are good enough to tell, of all rows but the members.
-    #[inline]
+    #[inline(always)]
     pub(super) fn each_other(
         &self,
         rows: &[Row],
@@ -389,17 +430,17 @@ pub(crate) fn set_of(members: &[usize]) -> RowSet {
     members.iter().copied().fold(RowSet::EMPTY, RowSet::with)
 }
 
-#[inline]
+#[inline(always)]
 fn minus([ax, ay, az]: &[f64; 3], [bx, by, bz]: &[f64; 3]) -> [f64; 3] {
     [ax - bx, ay - by, az - bz]
 }
 
-#[inline]
+#[inline(always)]
 fn dot([ax, ay, az]: &[f64; 3], [bx, by, bz]: &[f64; 3]) -> f64 {
     ax * bx + ay * by + az * bz
 }
 
-#[inline]
+#[inline(always)]
 fn cross([ax, ay, az]: &[f64; 3], [bx, by, bz]: &[f64; 3]) -> [f64; 3] {
     [ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx]
 }
