@@ -253,7 +253,8 @@ impl Worker {
     }
 
     /// With all taken that came: whether an epoch is overdue by the board's own clock. The last epoch set it, at
-    /// its last byte, so that it is behind by what the receiver took to send it, and never ahead.
+    /// its last byte, so that it is behind by what the receiver took to send it; a fast crystal takes a few parts in a million of
+    /// the silence from that.
     fn hear_nothing(&mut self) {
         let (Some(rate), Some((time, then))) = (board::ticks_per_second(), self.clock) else {
             return;

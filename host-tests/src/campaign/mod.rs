@@ -76,9 +76,6 @@ struct ConsistencyResult {
 }
 
 fn filter_consistency(args: &Args) -> Result<()> {
-    if args.shard.is_some() {
-        bail!("filter-consistency has no shards: give runs of different --seed instead");
-    }
     let studies = study::studies(args.seed, args.trials.unwrap_or(CONSISTENCY_TRIALS))?;
     print!("{}", study::table(&studies, 0.99));
     let result = ConsistencyResult {
@@ -130,11 +127,44 @@ pub struct Args {
     pub out: PathBuf,
 }
 
+/// Checks a campaign that runs whole, and gives the directory of all recordings.
+///
+/// # Errors
+/// When it is asked for in parts, or the result cannot be written.
+fn undivided(args: &Args) -> Result<&Path> {
+    check_out(&args.out)?;
+    if args.name == "merge" {
+        bail!("results of this campaign are not merged: give it more --trials instead");
+    }
+    if args.shard.is_some() {
+        bail!(
+            "{} has no shards: give runs of different --seed instead",
+            args.name
+        );
+    }
+    Ok(args.data.parent().unwrap_or(Path::new(".")))
+}
+
+/// # Errors
+/// When settings of the monitor are given to a campaign that has its own.
+fn without_settings(args: &Args) -> Result<()> {
+    if args.settings == crate::settings::Settings::default() {
+        return Ok(());
+    }
+    bail!(
+        "{} has settings of its own: leave out --systems, --mask-deg, --phase and the other settings of the monitor",
+        args.name
+    )
+}
+
 /// `surefix campaign`.
 ///
 /// # Errors
 /// When the arguments or the files are unusable; the message tells what to do.
 pub fn run(args: &Args) -> Result<()> {
+    if let Some(file) = args.files.first().filter(|_| args.name != "merge") {
+        bail!("{} is for `merge` alone: leave it out", file.display());
+    }
     let name = match args.name.as_str() {
         "merge" => campaign_of(args.files.first().context("no result to merge")?)?,
         name => name.to_owned(),
@@ -175,63 +205,42 @@ pub fn run(args: &Args) -> Result<()> {
             steps(&recording, &options)?
         }
         "filter-consistency" => {
-            check_out(&args.out)?;
+            undivided(args)?;
             return filter_consistency(args);
         }
         "robust" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("robust has no shards: give runs of different --seed instead");
-            }
-            let data = args.data.parent().unwrap_or(Path::new("."));
+            let data = undivided(args)?;
             let trials = args.trials.unwrap_or(robust::TRIALS);
             let config = args.settings.config()?;
             return robust::run(data, &config, trials, args.seed, &args.out);
         }
         "consensus" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("consensus has no shards: give runs of different --seed instead");
-            }
-            let data = args.data.parent().unwrap_or(Path::new("."));
+            let data = undivided(args)?;
+            without_settings(args)?;
             let trials = args.trials.unwrap_or(consensus::TRIALS);
             return consensus::run(data, trials, args.seed, &args.out);
         }
         "vpl-mhss" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("vpl-mhss has no shards: give runs of different --seed instead");
-            }
-            let data = args.data.parent().unwrap_or(Path::new("."));
+            let data = undivided(args)?;
+            without_settings(args)?;
             let trials = args.trials.unwrap_or(vpl_mhss::TRIALS);
             return vpl_mhss::run(data, trials, args.seed, &args.out);
         }
         "araim" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("araim has no shards: give runs of different --seed instead");
-            }
-            let data = args.data.parent().unwrap_or(Path::new("."));
+            let data = undivided(args)?;
             let trials = args.trials.unwrap_or(araim::FAULTED_EPOCHS);
             let config = args.settings.config()?;
             return araim::run(data, &config, trials, args.seed, &args.out);
         }
         "aids" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("aids has no shards: give runs of different --seed instead");
-            }
-            let data = args.data.parent().unwrap_or(Path::new("."));
+            let data = undivided(args)?;
+            without_settings(args)?;
             let trials = args.trials.unwrap_or(aids::TRIALS);
             return aids::run(data, args.seed, trials, &args.out);
         }
         "recording-faults" => {
-            check_out(&args.out)?;
-            if args.shard.is_some() {
-                bail!("recording-faults has no shards: give runs of different --seed instead");
-            }
+            let data = undivided(args)?;
             let trials = args.trials.unwrap_or(recording_faults::TRIALS);
-            let data = args.data.parent().unwrap_or(Path::new("."));
             let phase = args.settings.phase.as_ref();
             let phase = phase.map(|_| args.settings.config()).transpose()?;
             let phase = phase.map(|config| config.phase);
@@ -239,7 +248,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         other => {
             bail!(
-                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, or merge"
+                "there is no campaign \"{other}\": take alignment, esbc-steps, filter-consistency, recording-faults, seed-ramp, seed-sweep, seed-monte-carlo, false-alerts, double-faults, constellation-faults, time-to-alert, voting, aids, latency, wide-headings, robust, vpl-mhss, consensus, araim, or merge"
             )
         }
     };

@@ -1,7 +1,7 @@
 //! Several units recorded one by one: sections `[[imu.unit]]` of a configuration file, a CSV file for each.
 //!
 //! Section `[imu]` then describes what the vote gives, at the point `[imu.lever_arm]` calls `imu_m`, and each
-//! unit as far as its own section is silent. Units are numbered from 0 in the order of the sections and files.
+//! unit as far as its own section is silent; a unit with a grade of its own has the noise and biases of that. Units are numbered from 0 in the order of the sections and files.
 
 use std::path::PathBuf;
 
@@ -53,8 +53,12 @@ impl UnitSettings {
         own.file = self.file.clone().or_else(|| imu.file.clone());
         own.mounting = self.mounting.or(imu.mounting);
         own.range = self.range.unwrap_or(imu.range);
-        own.noise = self.noise.or(imu.noise);
+        // What [imu] says of noise and biases is of its grade: a unit of another grade starts from its own.
+        own.noise = self.noise.or(imu.noise.filter(|_| self.grade.is_none()));
         let mut sigma = imu.sigma.unwrap_or_default();
+        if self.grade.is_some() {
+            (sigma.gyro_bias_deg_per_h, sigma.accel_bias_mg) = (None, None);
+        }
         let Tolerance {
             gyro_bias_deg_per_h,
             accel_bias_mg,

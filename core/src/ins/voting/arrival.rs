@@ -33,8 +33,8 @@ impl Voting {
         let newest = self.newest.max(self.heard);
         let is_sound = unit.is_sound(sample.is_valid);
         if !sample.is_valid {
-            // Time goes on when nobody measures.
-            if (1..=MAX_LEAP_NS).contains(&ahead_of(newest)) {
+            // Time goes on when nobody measures; an isolated unit may have another.
+            if is_sound && (1..=MAX_LEAP_NS).contains(&ahead_of(newest)) {
                 self.heard = Some(sample.sample.time);
             }
             if !is_sound {

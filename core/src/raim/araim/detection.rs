@@ -103,11 +103,12 @@ impl Araim {
                 let threshold = axis.of(&subset.threshold_m);
                 let size = libm::fabs(axis.of(&separation_m));
                 // A separation that no measurement can cause is none: rounding over rounding is no test.
-                if !(threshold > MIN_THRESHOLD_M || size > MIN_THRESHOLD_M) {
+                if threshold <= MIN_THRESHOLD_M && size <= MIN_THRESHOLD_M {
                     continue;
                 }
                 let ratio = size / threshold;
-                if !(ratio <= detection.test_ratio) {
+                // A ratio that is no number stays the largest.
+                if !(detection.test_ratio.is_nan() || ratio <= detection.test_ratio) {
                     detection.test_ratio = ratio;
                     detection.largest = index;
                 }
