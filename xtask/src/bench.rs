@@ -595,12 +595,14 @@ mod tests {
         row bank/total 16 18 137 1800000 1840000 1264 210432 14\n\
         row bank/total 24 18 301 3920000 4030000 1264 462336 15\n\
         row bank/correlated 12 17 79 33000 33001 1032 - 16\n\
-        row bank/correlated 24 17 301 82000 82001 1032 - 17\nend\n";
+        row bank/correlated 24 17 301 82000 82001 1032 - 17\n\
+        row araim26/solve 24 5 - 147000 148000 1988 - 18\n\
+        row araim301/solve 24 5 - 815000 816000 1988 - 19\nend\n";
 
     #[test]
     fn rows_are_read_and_other_lines_ignored() {
         let rows = parse(PRINTED).unwrap();
-        assert_eq!(rows.len(), 18);
+        assert_eq!(rows.len(), 20);
         assert_eq!(rows[0].instr_worst, Some(14_100));
         assert_eq!(rows[5].n_states, None);
         assert_eq!((rows[10].ram_b, rows[10].pass), (Some(108_072), Some(10)));
