@@ -170,6 +170,36 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
 }
 
 #[test]
+fn a_satellite_that_surefix_holds_after_its_fault_is_no_wrong_exclusion() {
+    let folder = sky("compare-held", &["--duration", "160"]);
+    let comparison = compared(&[
+        "--gnss",
+        text(&folder),
+        "--systems",
+        "GC",
+        "--ionosphere",
+        "none",
+        "--fault",
+        "G04:step:60:60:90",
+        "--fault",
+        "G07:step:60:120:150",
+        "--monitors",
+        "residual,surefix",
+        "--out",
+        "unused",
+    ]);
+    let [residual, product] = &comparison.monitors[..] else {
+        panic!("two monitors");
+    };
+    let [residual, product] = [residual, product].map(|m| m.with_fault.as_ref().unwrap());
+    assert_eq!((residual.epochs, product.epochs), (60, 60));
+    assert_eq!((residual.still_held, residual.excluded_wrongly), (0, 0));
+    assert_eq!(product.excluded_wrongly, 0, "{product:?}");
+    assert!(product.still_held >= 20, "{product:?}");
+    assert!(product.excluded_rightly >= 54, "{product:?}");
+}
+
+#[test]
 fn what_is_written_can_be_read_and_is_the_same_again() {
     let folder = sky("compare-files", &["--duration", "60"]);
     let written = |out: &str| {
@@ -226,7 +256,18 @@ fn what_is_written_can_be_read_and_is_the_same_again() {
     let swept = MONITORS.iter().filter(|m| m.tests == Tests::Pseudoranges);
     let rows = 2 * (MONITORS.len() + 1) + 3 * swept.count();
     assert_eq!(counts.lines().count(), 1 + rows);
-    assert_eq!(epochs.lines().count(), 1 + 61 * (MONITORS.len() + 1));
+    // surefix itself with the fault, and without.
+    assert_eq!(epochs.lines().count(), 1 + 61 * (MONITORS.len() + 2));
+    let named = |name: &'static str| {
+        epochs
+            .lines()
+            .filter(move |l| l.split(',').nth(2) == Some(name))
+    };
+    let is_out = |line: &&str| line.split(',').nth(4) == Some("G07");
+    assert_eq!(named("surefix").count(), 61);
+    assert!(named("surefix").filter(is_out).count() > 0);
+    assert_eq!(named("surefix_clean").count(), 61);
+    assert_eq!(named("surefix_clean").filter(is_out).count(), 0);
     assert_eq!(svg.matches("class=\"title\"").count(), 7);
     assert!(svg.ends_with("</svg>\n") && !svg.contains("NaN"));
 }

@@ -11,7 +11,7 @@ use surefix_core::integrity::{Phase, PhaseRequirements};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::monitors::MonitorEpoch;
 
-use super::counts::{Counts, Said, Summary};
+use super::counts::{AtFault, Counts, Said, Summary};
 use super::registry::{Configured, Entry, Tests};
 use super::subject::Subject;
 use super::sweep::Trial;
@@ -110,17 +110,19 @@ impl Faulty {
 pub struct Series {
     /// Of each epoch, what is faulted.
     pub faulted: Vec<Faulted>,
+    /// Of each epoch, the satellites whose faults began earlier.
+    pub before: Vec<SatelliteSet>,
     /// Of each epoch, what each monitor said.
     pub said: Vec<Vec<Said>>,
+    /// Of each epoch, what surefix itself said of the recording without the faults; empty where there are none.
+    pub clean: Vec<Said>,
 }
 
 impl Series {
-    /// Puts what the monitor of a number said in place of what it said before, or behind the others; `None` where it said
-    /// nothing.
-    pub fn set(&mut self, monitor: usize, said: Vec<Option<Said>>) {
+    /// Puts behind the others what surefix itself said of each epoch.
+    pub fn push(&mut self, said: Vec<Said>) {
         for (others, said) in self.said.iter_mut().zip(said) {
-            others.truncate(monitor);
-            others.push(said.unwrap_or_else(|| Said::nothing("no_report")));
+            others.push(said);
         }
     }
 
@@ -132,17 +134,42 @@ impl Series {
         faulted: bool,
         limits: &PhaseRequirements,
     ) -> Summary {
-        let mut counts = Counts::default();
-        let sets = self.faulted.iter().map(|faulted| faulted.of(tests));
-        for (set, said) in sets.zip(&self.said) {
-            if set.is_empty() != faulted
-                && let Some(said) = said.get(monitor)
-            {
-                counts.book(said, set, limits);
-            }
-        }
-        counts.summary()
+        let said = self.said.iter().map(|said| said.get(monitor));
+        let at_fault = self.faulted.iter().map(|f| AtFault::now(*f.of(tests)));
+        counted(said.zip(at_fault), faulted, limits)
     }
+
+    /// Counts of surefix itself, the last: with faults, as above, but what it still holds is known; without, over the
+    /// same epochs of the recording without any.
+    pub fn counts_of_product(&self, faulted: bool, limits: &PhaseRequirements) -> Summary {
+        let at_fault = self.faulted.iter().zip(&self.before);
+        let at_fault = at_fault.map(|(faulted, before)| AtFault {
+            now: faulted.pseudoranges,
+            before: *before,
+        });
+        if faulted || self.clean.is_empty() {
+            let said = self.said.iter().map(|said| said.last());
+            counted(said.zip(at_fault), faulted, limits)
+        } else {
+            counted(self.clean.iter().map(Some).zip(at_fault), faulted, limits)
+        }
+    }
+}
+
+fn counted<'a>(
+    epochs: impl Iterator<Item = (Option<&'a Said>, AtFault)>,
+    faulted: bool,
+    limits: &PhaseRequirements,
+) -> Summary {
+    let mut counts = Counts::default();
+    for (said, at_fault) in epochs {
+        if at_fault.now.is_empty() != faulted
+            && let Some(said) = said
+        {
+            counts.book(said, &at_fault, limits);
+        }
+    }
+    counts.summary()
 }
 
 /// Runs the monitors over all epochs.
@@ -160,7 +187,9 @@ pub fn series(
     let mut touched = vec![false; faults.len()];
     let mut series = Series {
         faulted: Vec::new(),
+        before: Vec::new(),
         said: Vec::new(),
+        clean: Vec::new(),
     };
     for epoch in &subject.epochs {
         let linearised = &epoch.linearised;
@@ -185,6 +214,11 @@ pub fn series(
             .collect();
         series.said.push(said?);
         series.faulted.push(faulty.faulted);
+        let mut before = SatelliteSet::EMPTY;
+        for fault in faults.iter().filter(|fault| fault.t0_s < t_s) {
+            before.insert(fault.satellite);
+        }
+        series.before.push(before);
         progress();
     }
     if let Some((fault, _)) = faults.iter().zip(touched).find(|(_, touched)| !touched) {
@@ -236,7 +270,8 @@ pub fn sweep(
             for (contestant, counts) in contestants.iter_mut().zip(&mut counts) {
                 if contestant.entry.tests == Tests::Pseudoranges {
                     let said = contestant.says(&faulty.model, rows, epoch.at_enu_m)?;
-                    counts.book(&said, &faulty.faulted.pseudoranges, limits);
+                    let at_fault = AtFault::now(faulty.faulted.pseudoranges);
+                    counts.book(&said, &at_fault, limits);
                 }
             }
             progress();

@@ -19,13 +19,15 @@ use crate::replay::{self, ReplayOptions, TruthChoice};
 
 /// Its name on the command line and in files.
 pub const NAME: &str = "surefix";
+/// In `epochs.csv`, its replay without the faults of the command line.
+pub const CLEAN_NAME: &str = "surefix_clean";
 
 /// What it said, and what it was.
 pub struct Product {
     /// In tables.
     pub title: &'static str,
-    /// Of each epoch of the subject; `None` where it gave no report of it.
-    pub said: Vec<Option<Said>>,
+    /// Of each epoch of the subject.
+    pub said: Vec<Said>,
 }
 
 /// Replays the recording with these faults.
@@ -66,6 +68,7 @@ pub fn run(
             .epochs
             .iter()
             .map(|epoch| by_time.remove(&epoch.linearised.time.ns()))
+            .map(|said| said.unwrap_or_else(|| Said::nothing("no_report")))
             .collect(),
     })
 }

@@ -6,8 +6,9 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use surefix_core::gnss::SatelliteSet;
 
-use super::counts::{CONFIDENCE, LevelSummary, Summary, horizontal_vertical};
+use super::counts::{CONFIDENCE, LevelSummary, Said, Summary, horizontal_vertical};
 use super::instructions::Instructions;
+use super::product;
 use super::registry::Tests;
 use super::{Comparison, MonitorResult, Plan};
 use crate::campaign::binomial::percent;
@@ -198,6 +199,7 @@ fn faulted(monitors: &[MonitorResult]) -> String {
                 s.excluded_rightly.to_string(),
                 s.excluded_partly.to_string(),
                 s.excluded_wrongly.to_string(),
+                s.still_held.to_string(),
                 s.served.to_string(),
                 metres(s.error_h95_m),
                 metres(s.error_v95_m),
@@ -213,6 +215,7 @@ fn faulted(monitors: &[MonitorResult]) -> String {
             "rightly out",
             "partly out",
             "healthy out",
+            "still held",
             "served",
             "H 95 %, m",
             "V 95 %, m",
@@ -372,7 +375,7 @@ fn field(value: Option<f64>) -> String {
 
 /// One row per monitor and kind of epoch.
 fn counts_csv(comparison: &Comparison) -> String {
-    let mut text = "monitor,kind,size_m,epochs,tested,detected,detection_low,detection_high,excluded,rightly,partly,wrongly,served,with_levels,hpl_mean_m,hpl_p95_m,hpl_max_m,vpl_mean_m,vpl_p95_m,vpl_max_m,compared,above_hpl,above_vpl,above_level,error_h95_m,error_v95_m\n".to_owned();
+    let mut text = "monitor,kind,size_m,epochs,tested,detected,detection_low,detection_high,excluded,rightly,partly,wrongly,still_held,served,with_levels,hpl_mean_m,hpl_p95_m,hpl_max_m,vpl_mean_m,vpl_p95_m,vpl_max_m,compared,above_hpl,above_vpl,above_level,error_h95_m,error_v95_m\n".to_owned();
     let mut row = |name: &str, kind: &str, size_m: Option<f64>, s: &Summary| {
         let [low, high] = s.detection_rate.interval;
         let levels = |level: &LevelSummary| {
@@ -382,7 +385,7 @@ fn counts_csv(comparison: &Comparison) -> String {
         };
         let _ = writeln!(
             text,
-            "{name},{kind},{},{},{},{},{low},{high},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+            "{name},{kind},{},{},{},{},{low},{high},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
             field(size_m),
             s.epochs,
             s.tested,
@@ -391,6 +394,7 @@ fn counts_csv(comparison: &Comparison) -> String {
             s.excluded_rightly,
             s.excluded_partly,
             s.excluded_wrongly,
+            s.still_held,
             s.served,
             s.with_levels,
             levels(&s.hpl),
@@ -421,30 +425,34 @@ fn satellites(set: &SatelliteSet) -> String {
     names.join("+")
 }
 
-/// One row per epoch and monitor.
+/// One row per epoch and monitor, and behind them those of surefix itself without the faults.
 fn epochs_csv(comparison: &Comparison) -> String {
     let mut text =
         "t_s,faulted,monitor,answer,excluded,hpl_m,vpl_m,error_h_m,error_v_m\n".to_owned();
+    let mut row = |t_s: &f64, faulted: &SatelliteSet, name: &str, said: &Said| {
+        let levels = said.levels.ok();
+        let error = said.error_enu_m.map(horizontal_vertical);
+        let _ = writeln!(
+            text,
+            "{t_s},{},{name},{},{},{},{},{},{}",
+            satellites(faulted),
+            said.answer.name(),
+            satellites(&said.excluded),
+            field(levels.map(|l| l.hpl_m)),
+            field(levels.map(|l| l.vpl_m)),
+            field(error.map(|[h, _]| h)),
+            field(error.map(|[_, v]| v)),
+        );
+    };
     let series = &comparison.series;
     let epochs = comparison.t_s.iter().zip(&series.faulted).zip(&series.said);
     for ((t_s, faulted), said) in epochs {
         for (monitor, said) in comparison.monitors.iter().zip(said) {
-            let faulted = faulted.of(monitor.tests);
-            let levels = said.levels.ok();
-            let error = said.error_enu_m.map(horizontal_vertical);
-            let _ = writeln!(
-                text,
-                "{t_s},{},{},{},{},{},{},{},{}",
-                satellites(faulted),
-                monitor.name,
-                said.answer.name(),
-                satellites(&said.excluded),
-                field(levels.map(|l| l.hpl_m)),
-                field(levels.map(|l| l.vpl_m)),
-                field(error.map(|[h, _]| h)),
-                field(error.map(|[_, v]| v)),
-            );
+            row(t_s, faulted.of(monitor.tests), monitor.name, said);
         }
+    }
+    for (t_s, said) in comparison.t_s.iter().zip(&series.clean) {
+        row(t_s, &SatelliteSet::EMPTY, product::CLEAN_NAME, said);
     }
     text
 }
@@ -537,10 +545,7 @@ fn by_size(comparison: &Comparison, plan: &Plan, events: Events) -> Vec<Curve> {
 }
 
 /// A value along the recording; curves without any are left out.
-fn along(
-    comparison: &Comparison,
-    value: impl Fn(&super::counts::Said) -> Option<f64>,
-) -> Vec<Curve> {
+fn along(comparison: &Comparison, value: impl Fn(&Said) -> Option<f64>) -> Vec<Curve> {
     let together = comparison.t_s.len().div_ceil(MAX_POINTS).max(1);
     let monitors = comparison.monitors.iter().enumerate();
     monitors
