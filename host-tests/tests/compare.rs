@@ -117,6 +117,9 @@ fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_withou
         let s = &monitor.without_fault;
         assert_eq!(s.epochs, 601, "{name}");
         assert_eq!(s.above_level, 0, "{name}");
+        // Whatever gives levels is held against the truth, Doppler RAIM against the true velocity.
+        let has_levels = MONITORS.iter().any(|m| m.name == name && m.has_levels);
+        assert!(!has_levels || s.compared > 590, "{name}: {}", s.compared);
         if let Some(stated) = monitor.p_false_alert {
             let [at_least, _] = clopper_pearson(s.detected, s.epochs, CONFIDENCE);
             assert!(at_least <= stated, "{name}: {} alerts", s.detected);
@@ -129,6 +132,41 @@ fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_withou
             .iter()
             .all(|m| m.name != compare::product::NAME)
     );
+}
+
+/// INT-148.
+#[test]
+fn int_148_the_level_of_doppler_raim_is_held_against_the_velocity_of_a_flight() {
+    let folder = directory("compare-flight").join("sky");
+    let output = surefix(&[
+        "simulate",
+        "approach",
+        "--seed",
+        "3",
+        "--duration",
+        "240",
+        "--out",
+        text(&folder),
+    ]);
+    assert!(output.status.success(), "{output:?}");
+    let comparison = compared(&[
+        "--gnss",
+        text(&folder),
+        "--ionosphere",
+        "none",
+        "--monitors",
+        "doppler",
+        "--out",
+        "unused",
+    ]);
+    let [doppler] = &comparison.monitors[..] else {
+        panic!("one monitor");
+    };
+    let s = &doppler.without_fault;
+    assert_eq!((s.epochs, s.compared, s.above_level), (241, 241, 0));
+    // Against a velocity of zero, or one that is not the epoch's, the errors are those of an aircraft.
+    let error = [s.error_h95_m, s.error_v95_m].map(Option::unwrap);
+    assert!(error[0] < 0.3 && error[1] < 0.3, "{error:?}");
 }
 
 /// INT-149.
