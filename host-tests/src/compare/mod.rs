@@ -286,7 +286,9 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
         .enumerate()
         .map(|(k, contestant)| {
             let entry = contestant.entry;
-            let measured = |stage: &str| bench.nearest(stage, satellites[1] as u64);
+            let measured = |stage: &str| {
+                bench.nearest(stage, satellites[1] as u64, subject.constellations() as u64)
+            };
             MonitorResult {
                 name: entry.name,
                 title: entry.title,

@@ -341,7 +341,7 @@ fn cost(monitors: &[MonitorResult]) -> String {
         .iter()
         .filter(|monitor| monitor.instructions.is_some())
         .map(|monitor| {
-            let skies = monitor.instructions.map(|i| i.satellites.to_string());
+            let skies = monitor.instructions.map(measured_with);
             vec![
                 monitor.title.into(),
                 executed(monitor.instructions),
@@ -358,14 +358,24 @@ fn cost(monitors: &[MonitorResult]) -> String {
             "instructions without a fault",
             "with one",
             "stack, bytes",
-            "satellites",
+            "measured with",
             "memory, bytes",
         ],
         &rows,
     );
     format!(
-        "Executed instructions of an epoch on the emulated board (`cargo xtask bench`, median and worst of its own random skies), at the number of satellites it measured that is nearest to the median here:\n\n{table}"
+        "Executed instructions of an epoch on the emulated board (`cargo xtask bench`, median and worst of its own random skies), of the skies it measured the nearest to the median number of satellites and of constellations here:\n\n{table}"
     )
+}
+
+/// The skies of a figure, in words.
+fn measured_with(instructions: Instructions) -> String {
+    let constellations = match instructions.constellations {
+        1 => "one constellation".to_owned(),
+        2 => "two constellations".to_owned(),
+        more => format!("{more} constellations"),
+    };
+    format!("{} satellites, {constellations}", instructions.satellites)
 }
 
 /// A field that may be empty.
@@ -575,5 +585,20 @@ mod tests {
         let rows = [vec!["one".to_owned(), "2".to_owned()]];
         let text = markdown(&["a", "long"], &rows);
         assert_eq!(text, "| a   | long |\n| --- | ---- |\n| one | 2    |\n\n");
+    }
+
+    #[test]
+    fn a_figure_says_what_it_was_measured_with() {
+        let of = |satellites, constellations| {
+            measured_with(Instructions {
+                satellites,
+                constellations,
+                median: 1,
+                worst: 2,
+                stack_b: 3,
+            })
+        };
+        assert_eq!(of(12, 2), "12 satellites, two constellations");
+        assert_eq!(of(8, 1), "8 satellites, one constellation");
     }
 }
