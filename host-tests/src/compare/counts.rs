@@ -2,6 +2,7 @@
 //!
 //! | word | of an epoch |
 //! |---|---|
+//! | not in use | every satellite at fault is one that the monitor has no room for: it can be neither detected nor missed |
 //! | detected | a fault was seen, taken out or not |
 //! | rightly | what was taken out is what was faulted, no more and no less |
 //! | partly | some of what was faulted was taken out, and nothing healthy |
@@ -58,6 +59,8 @@ pub struct Said {
     pub answer: Answer,
     /// Satellites taken out.
     pub excluded: SatelliteSet,
+    /// Satellites of the epoch that the monitor has no room for.
+    pub not_in_use: SatelliteSet,
     /// Error of the position that is left, east, north, up, m; `None` without a position or a truth.
     pub error_enu_m: Option<[f64; 3]>,
     /// Levels, or why there are none, in a word of the files.
@@ -85,6 +88,7 @@ impl Said {
                 Outcome::Detected => Answer::Detected,
             },
             excluded,
+            not_in_use: SatelliteSet::EMPTY,
             error_enu_m,
             levels: verdict.levels.map_err(no_levels),
         }
@@ -95,6 +99,7 @@ impl Said {
         Self {
             answer: Answer::NotTested(why),
             excluded: SatelliteSet::EMPTY,
+            not_in_use: SatelliteSet::EMPTY,
             error_enu_m: None,
             levels: Err(why),
         }
@@ -166,6 +171,7 @@ impl AtFault {
 pub struct Counts {
     epochs: u64,
     not_tested: BTreeMap<&'static str, u64>,
+    not_in_use: u64,
     detected: u64,
     excluded: u64,
     rightly: u64,
@@ -197,6 +203,9 @@ impl Counts {
         let out = |is_counted: &dyn Fn(Satellite) -> bool| {
             said.excluded.iter().filter(|s| is_counted(*s)).count()
         };
+        let at_work = now.iter().filter(|s| !said.not_in_use.contains(*s)).count();
+        let is_not_in_use = at_work == 0 && !now.is_empty();
+        self.not_in_use += u64::from(is_not_in_use);
         let found = out(&|s| now.contains(s));
         let held = out(&|s| !now.contains(s) && before.contains(s));
         let healthy = out(&|s| !now.contains(s) && !before.contains(s));
@@ -204,10 +213,10 @@ impl Counts {
         self.wrongly += u64::from(healthy > 0);
         let is_excluded = said.answer == Answer::Excluded;
         let only_held = is_excluded && held > 0 && found + healthy == 0;
-        self.detected += u64::from(said.is_detected() && !only_held);
+        self.detected += u64::from(said.is_detected() && !only_held && !is_not_in_use);
         self.excluded += u64::from(is_excluded && !only_held);
         if is_excluded && found > 0 && healthy == 0 {
-            let all = found == now.len();
+            let all = found == at_work;
             self.rightly += u64::from(all);
             self.partly += u64::from(!all);
         }
@@ -248,12 +257,15 @@ impl Counts {
             max_m: quantile(values, 1.0),
         };
         let not_tested: u64 = self.not_tested.values().sum();
+        let in_use = self.epochs - self.not_in_use;
         Summary {
             epochs: self.epochs,
             tested: self.epochs - not_tested,
             not_tested: self.not_tested,
+            not_in_use: self.not_in_use,
+            in_use,
             detected: self.detected,
-            detection_rate: Rate::new(self.detected, self.epochs),
+            detection_rate: Rate::new(self.detected, in_use),
             excluded: self.excluded,
             excluded_rightly: self.rightly,
             excluded_partly: self.partly,
@@ -318,9 +330,13 @@ pub struct Summary {
     pub tested: u64,
     /// Why it did not test the others.
     pub not_tested: BTreeMap<&'static str, u64>,
-    /// Epochs on which it saw a fault.
+    /// Epochs on which every satellite at fault is one that it has no room for.
+    pub not_in_use: u64,
+    /// The other epochs.
+    pub in_use: u64,
+    /// Of these, epochs on which it saw a fault.
     pub detected: u64,
-    /// Of all epochs, tested or not; without a fault the rate of false alerts.
+    /// Of these, tested or not; without a fault the rate of false alerts.
     pub detection_rate: Rate,
     /// Epochs on which it took something out and went on.
     pub excluded: u64,
@@ -379,6 +395,7 @@ mod tests {
         Said {
             answer,
             excluded: set(excluded),
+            not_in_use: SatelliteSet::EMPTY,
             error_enu_m: Some([0.0, 1.0, up_m]),
             levels: Ok(MonitorLevels {
                 hpl_m: 5.0,
@@ -401,6 +418,21 @@ mod tests {
             counts.book(said, &at_fault, &Phase::Lpv200.requirements());
         }
         counts.summary()
+    }
+
+    #[test]
+    fn a_fault_on_a_satellite_that_is_not_in_use_is_neither_detected_nor_missed() {
+        let without = |answer, excluded: &[u8]| Said {
+            not_in_use: set(&[1]),
+            ..said(answer, excluded, 0.0)
+        };
+        let summary = counted(&[without(Answer::Passed, &[])], &[1]);
+        assert_eq!((summary.epochs, summary.not_in_use), (1, 1));
+        assert_eq!(summary.detection_rate.rate, None);
+        // Beside one that is, that one is all there is to find.
+        let summary = counted(&[without(Answer::Excluded, &[2])], &[1, 2]);
+        assert_eq!((summary.not_in_use, summary.excluded_rightly), (0, 1));
+        assert_eq!(summary.detection_rate.rate, Some(1.0));
     }
 
     #[test]

@@ -49,8 +49,22 @@ impl Contestant {
     ) -> Result<Said> {
         let epoch = MonitorEpoch::new(model, rows)
             .map_err(|error| anyhow!("an epoch is no epoch of a monitor: {error:?}"))?;
-        Ok(Said::new(&self.monitor.assess(&epoch), rows, at_enu_m))
+        Ok(Said {
+            not_in_use: all_but_highest(rows, self.entry.most_satellites),
+            ..Said::new(&self.monitor.assess(&epoch), rows, at_enu_m)
+        })
     }
+}
+
+/// The satellites that are left where only so many of the highest are taken.
+fn all_but_highest(rows: &[UsedRow], taken: usize) -> SatelliteSet {
+    let mut descending: Vec<&UsedRow> = rows.iter().collect();
+    descending.sort_by(|a, b| b.elevation_rad.total_cmp(&a.elevation_rad));
+    let mut left = SatelliteSet::EMPTY;
+    for row in descending.iter().skip(taken) {
+        left.insert(row.satellite);
+    }
+    left
 }
 
 /// The rows of an epoch with faults on them.
@@ -90,7 +104,10 @@ impl Faulty {
             },
         };
         for (satellite, value_m, rate_mps) in faults {
-            if let Some(row) = row_of(&epoch.rows, satellite) {
+            // A fault of no size, as a ramp is where it begins, is none.
+            if value_m != 0.0
+                && let Some(row) = row_of(&epoch.rows, satellite)
+            {
                 faulty.model.residual_m[row] += value_m;
                 faulty.faulted.pseudoranges.insert(satellite);
             }
@@ -197,7 +214,7 @@ pub fn series(
         let faulty = Faulty::new(linearised, injector.values(t_s));
         for (touched, fault) in touched.iter_mut().zip(faults) {
             let is_active = (fault.t0_s..fault.t1_s).contains(&t_s);
-            *touched |= is_active && faulty.faulted.pseudoranges.contains(fault.satellite);
+            *touched |= is_active && row_of(&linearised.rows, fault.satellite).is_some();
         }
         let said: Result<Vec<Said>> = contestants
             .iter_mut()
@@ -263,8 +280,6 @@ pub fn sweep(
             let faults = trial
                 .rows
                 .iter()
-                // A fault of no size is none.
-                .filter(|_| *size_m > 0.0)
                 .map(|(row, sign)| (rows[*row].satellite, sign * size_m, 0.0));
             let faulty = Faulty::new(&epoch.linearised, faults);
             for (contestant, counts) in contestants.iter_mut().zip(&mut counts) {
@@ -279,4 +294,29 @@ pub fn sweep(
         by_size.push(counts.into_iter().map(Counts::summary).collect());
     }
     Ok(by_size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefix_core::gnss::System;
+    use surefix_core::gnss::weights::RowSigma;
+
+    #[test]
+    fn of_too_many_satellites_the_lowest_are_not_in_use() {
+        let row = |(prn, elevation_rad): (u8, f64)| UsedRow {
+            satellite: Satellite::new(System::Gps, prn).unwrap(),
+            elevation_rad,
+            azimuth_rad: 0.0,
+            sigma: RowSigma {
+                independent_m: 1.0,
+                common_m: 0.0,
+            },
+        };
+        let rows = [(1, 0.3), (2, 1.2), (3, 0.2), (4, 0.7)].map(row);
+        let left = all_but_highest(&rows, 2);
+        assert!(left.contains(rows[0].satellite) && left.contains(rows[2].satellite));
+        assert_eq!(left.len(), 2);
+        assert!(all_but_highest(&rows, 4).is_empty());
+    }
 }

@@ -233,6 +233,11 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
     } else {
         registry::chosen(&names)?
     };
+    if sizes.is_some() && entries.iter().all(|e| e.tests != Tests::Pseudoranges) {
+        bail!(
+            "--sweep has nothing to sweep: its trials are single epochs with a fault on pseudoranges, surefix itself runs from the beginning of a recording to its end, and Doppler RAIM tests range rates; leave out --sweep, or add another monitor to --monitors, for example residual"
+        );
+    }
     let place = Place {
         gnss: args.gnss.clone(),
         nav: args.nav.clone(),
@@ -280,15 +285,14 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
         .transpose()?;
     let bench = Bench::measured()?;
     let satellites = subject.satellites();
+    let constellations = subject.constellations() as u64;
     let any_fault = !faults.is_empty();
     let mut monitors: Vec<MonitorResult> = contestants
         .iter()
         .enumerate()
         .map(|(k, contestant)| {
             let entry = contestant.entry;
-            let measured = |stage: &str| {
-                bench.nearest(stage, satellites[1] as u64, subject.constellations() as u64)
-            };
+            let measured = |stage: &str| bench.nearest(stage, satellites[1] as u64, constellations);
             MonitorResult {
                 name: entry.name,
                 title: entry.title,

@@ -22,8 +22,8 @@ const COLOURS: [&str; 12] = [
 /// Most points of a curve over time; more epochs share a point, which shows the largest of their values.
 const MAX_POINTS: usize = 240;
 
-/// Which trials of a size are counted.
-type Events = fn(&Summary) -> u64;
+/// Which trials of a size are counted, of how many.
+type Events = fn(&Summary) -> [u64; 2];
 
 /// Prints nothing; writes everything.
 ///
@@ -118,8 +118,10 @@ pub fn tables(comparison: &Comparison) -> String {
     for monitor in monitors.iter().filter(|m| m.most_satellites < most) {
         let _ = writeln!(
             text,
-            "{} has room for {} satellites and takes the highest: the others are neither used nor tested, and a fault on one of them is not detected.\n",
-            monitor.title, monitor.most_satellites
+            "{} has room for {} satellites and takes the highest: the others are neither used nor tested. Where all faults of an epoch or a trial are on such satellites it is counted as not in use, {} times here, and is in no share of detections or right exclusions.\n",
+            monitor.title,
+            monitor.most_satellites,
+            not_in_use(monitor)
         );
     }
     if let Some(plan) = &comparison.sweep {
@@ -127,6 +129,17 @@ pub fn tables(comparison: &Comparison) -> String {
     }
     text += &cost(monitors);
     text
+}
+
+/// Epochs and trials whose faults are all on satellites that the monitor has no room for.
+fn not_in_use(monitor: &MonitorResult) -> u64 {
+    let with_fault = monitor.with_fault.iter();
+    let summaries = with_fault.chain(monitor.sweep.iter().flatten());
+    summaries.map(|s| s.not_in_use).sum()
+}
+
+fn share(events: u64, of: u64) -> f64 {
+    100.0 * events as f64 / of.max(1) as f64
 }
 
 fn of(events: u64, all: u64) -> String {
@@ -195,7 +208,8 @@ fn faulted(monitors: &[MonitorResult]) -> String {
                 monitor.title.into(),
                 s.epochs.to_string(),
                 causes(&s.not_tested),
-                percent(s.detected, s.epochs, CONFIDENCE),
+                s.not_in_use.to_string(),
+                percent(s.detected, s.in_use, CONFIDENCE),
                 s.excluded_rightly.to_string(),
                 s.excluded_partly.to_string(),
                 s.excluded_wrongly.to_string(),
@@ -211,6 +225,7 @@ fn faulted(monitors: &[MonitorResult]) -> String {
             "monitor",
             "epochs",
             "not tested",
+            "not in use",
             "detected, % (95 % interval)",
             "rightly out",
             "partly out",
@@ -306,12 +321,11 @@ fn sweep(plan: &Plan, monitors: &[MonitorResult], seed: u64) -> String {
         .map(|(k, size_m)| {
             let cells = swept.iter().map(|(_, sizes)| {
                 let s = &sizes[k];
-                let share = |events: u64| 100.0 * events as f64 / s.epochs.max(1) as f64;
                 format!(
                     "{:.0} {:.0} {:.0} {}",
-                    share(s.detected),
-                    share(s.excluded_rightly),
-                    share(s.excluded_wrongly),
+                    share(s.detected, s.in_use),
+                    share(s.excluded_rightly, s.in_use),
+                    share(s.excluded_wrongly, s.epochs),
                     of(s.above_level, s.compared)
                 )
             });
@@ -385,7 +399,7 @@ fn field(value: Option<f64>) -> String {
 
 /// One row per monitor and kind of epoch.
 fn counts_csv(comparison: &Comparison) -> String {
-    let mut text = "monitor,kind,size_m,epochs,tested,detected,detection_low,detection_high,excluded,rightly,partly,wrongly,still_held,served,with_levels,hpl_mean_m,hpl_p95_m,hpl_max_m,vpl_mean_m,vpl_p95_m,vpl_max_m,compared,above_hpl,above_vpl,above_level,error_h95_m,error_v95_m\n".to_owned();
+    let mut text = "monitor,kind,size_m,epochs,tested,not_in_use,detected,detection_low,detection_high,excluded,rightly,partly,wrongly,still_held,served,with_levels,hpl_mean_m,hpl_p95_m,hpl_max_m,vpl_mean_m,vpl_p95_m,vpl_max_m,compared,above_hpl,above_vpl,above_level,error_h95_m,error_v95_m\n".to_owned();
     let mut row = |name: &str, kind: &str, size_m: Option<f64>, s: &Summary| {
         let [low, high] = s.detection_rate.interval;
         let levels = |level: &LevelSummary| {
@@ -395,10 +409,11 @@ fn counts_csv(comparison: &Comparison) -> String {
         };
         let _ = writeln!(
             text,
-            "{name},{kind},{},{},{},{},{low},{high},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+            "{name},{kind},{},{},{},{},{},{low},{high},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
             field(size_m),
             s.epochs,
             s.tested,
+            s.not_in_use,
             s.detected,
             s.excluded,
             s.excluded_rightly,
@@ -472,12 +487,16 @@ pub fn picture(comparison: &Comparison) -> String {
     let mut panels = Vec::new();
     if let Some(plan) = &comparison.sweep {
         let shares: [(&str, Events); 4] = [
-            ("fault detected", |s| s.detected),
+            ("fault detected", |s| [s.detected, s.in_use]),
             ("exactly the faulted satellites excluded", |s| {
-                s.excluded_rightly
+                [s.excluded_rightly, s.in_use]
             }),
-            ("something healthy excluded", |s| s.excluded_wrongly),
-            ("served with an error above a level", |s| s.above_level),
+            ("something healthy excluded", |s| {
+                [s.excluded_wrongly, s.epochs]
+            }),
+            ("served with an error above a level", |s| {
+                [s.above_level, s.epochs]
+            }),
         ];
         for (title, events) in shares {
             panels.push(Panel {
@@ -546,8 +565,10 @@ fn by_size(comparison: &Comparison, plan: &Plan, events: Events) -> Vec<Curve> {
     let monitors = comparison.monitors.iter().enumerate();
     monitors
         .filter_map(|(number, monitor)| {
-            let share = |s: &Summary| 100.0 * events(s) as f64 / s.epochs.max(1) as f64;
-            let shares = monitor.sweep.as_ref()?.iter().map(share);
+            let shares = monitor.sweep.as_ref()?.iter().map(|s| {
+                let [events, of] = events(s);
+                share(events, of)
+            });
             let points = plan.sizes_m.iter().copied().zip(shares).collect();
             Some(curve(number, points))
         })
