@@ -77,7 +77,7 @@ pub(crate) fn looks_like_pos(bytes: &[u8]) -> bool {
 /// # Errors
 /// When it cannot be read, and when fixes are to be withheld and it holds none that counts.
 pub(crate) fn read(path: &Path, config: &Config, options: &FixOptions) -> Result<Vec<u8>> {
-    let mut bytes = rinex::read_unzipped(path)?;
+    let mut bytes = rinex::read_argument("--gnss", "a recording of a receiver", path)?;
     if looks_like_pos(&bytes) {
         let text = String::from_utf8_lossy(&bytes);
         bytes = pos_frames(&text, options.geoid_m).with_context(|| path.display().to_string())?;

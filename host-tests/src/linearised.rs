@@ -13,7 +13,7 @@ use surefix_core::time::{GpsTime, NS_PER_S};
 use crate::source::Item;
 use crate::truth::Truth;
 
-/// The true velocity is that from so long before an epoch to so long after it, ns.
+/// Where the truth states none, the true velocity is that from so long before an epoch to so long after it, ns.
 const BESIDE_NS: i64 = 100_000_000;
 
 /// An epoch, linearised.
@@ -44,8 +44,11 @@ impl Linearised {
         Truth::error_enu_m(truth.at(self.time, self.since_first_ns)?, self.r_e_m)
     }
 
-    /// True velocity east, north, up, m/s; `None` where the truth does not go on around the epoch.
+    /// True velocity east, north, up, m/s; `None` where the truth neither states it nor goes on around the epoch.
     pub fn true_velocity_enu_mps(&self, truth: &Truth) -> Option<[f64; 3]> {
+        if let Some(stated) = truth.velocity_enu_mps(self.time, self.since_first_ns) {
+            return Some(stated);
+        }
         let beside = |by_ns: i64| truth.at(self.time.plus_ns(by_ns), self.since_first_ns + by_ns);
         let moved_m = Truth::error_enu_m(beside(-BESIDE_NS)?, beside(BESIDE_NS)?)?;
         Some(moved_m.map(|m| m * NS_PER_S as f64 / (2 * BESIDE_NS) as f64))

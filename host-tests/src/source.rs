@@ -235,7 +235,7 @@ impl Navigation {
         let mut all = Self::default();
         for path in paths {
             let name = path.display();
-            let bytes = rinex::read_unzipped(path)?;
+            let bytes = rinex::read_argument("--nav", "a RINEX navigation file", path)?;
             if !rinex::looks_like_rinex(&bytes) {
                 bail!("{name} is no RINEX file: --nav takes RINEX 3 or 4 navigation files");
             }

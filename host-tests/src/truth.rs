@@ -2,7 +2,7 @@
 //!
 //! | file | columns |
 //! |---|---|
-//! | surefix's own `truth.csv` | `t_s` or `week,tow_s`; `x_m,y_m,z_m` or `px,py,pz` |
+//! | surefix's own `truth.csv` | `t_s` or `week,tow_s`; `x_m,y_m,z_m` or `px,py,pz`; of velocities, if there, `vx_mps,vy_mps,vz_mps` |
 //! | Spirent position, velocity, attitude | `GpsCycle,GpsWeek,GpsToW [s],Pos ECEF X [m],…` |
 //! | RTKLIB `.pos` | GPST as date and time or week and seconds; latitude, longitude, height or ECEF |
 //! | u-blox UBX | NAV-PVT with carrier-phase ambiguities resolved, height above the ellipsoid |
@@ -35,17 +35,41 @@ pub struct Truth {
     path: TruthPath,
 }
 
-/// A time in ns and a position, ECEF, m.
+/// A time in ns and a position, ECEF, m; or a velocity, m/s.
 pub(crate) type TrackRow = (i64, [f64; 3]);
 
 #[derive(Clone, Debug)]
 enum TruthPath {
     Fixed([f64; 3]),
-    /// Times in ns, GPST or since the first epoch, ascending.
-    Track {
-        is_gps_time: bool,
-        rows: Vec<TrackRow>,
-    },
+    Track(Track),
+}
+
+/// Rows in ascending order of their times.
+#[derive(Clone, Debug)]
+struct Track {
+    /// Times are GPST; otherwise since the first epoch.
+    is_gps_time: bool,
+    positions: Vec<TrackRow>,
+    /// Empty where the file has none.
+    velocities: Vec<TrackRow>,
+}
+
+impl Track {
+    const fn of_positions(positions: Vec<TrackRow>) -> Self {
+        Self {
+            is_gps_time: true,
+            positions,
+            velocities: Vec::new(),
+        }
+    }
+
+    fn now_ns(&self, time: GpsTime, since_first_ns: i64) -> i64 {
+        if self.is_gps_time {
+            time.ns()
+        } else {
+            since_first_ns
+        }
+    }
 }
 
 impl Truth {
@@ -74,68 +98,83 @@ impl Truth {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = crate::rinex::read_unzipped(path)
             .with_context(|| format!("cannot read the truth file {}", path.display()))?;
-        let (is_gps_time, mut rows) = if ubx::looks_like_ubx(&bytes) {
-            (true, ubx::rows(&bytes)?)
+        let mut track = if ubx::looks_like_ubx(&bytes) {
+            Track::of_positions(ubx::rows(&bytes)?)
         } else {
             let text = String::from_utf8(bytes)
                 .with_context(|| format!("the truth file {} is no text", path.display()))?;
             if text.starts_with('%') {
-                (true, rtklib_rows(&text)?)
+                Track::of_positions(rtklib_rows(&text)?)
             } else {
-                csv_rows(&text)?
+                csv_track(&text)?
             }
         };
-        if rows.is_empty() {
+        if track.positions.is_empty() {
             bail!("{} holds no position", path.display());
         }
-        rows.sort_by_key(|row| row.0);
+        track.positions.sort_by_key(|row| row.0);
+        track.velocities.sort_by_key(|row| row.0);
         Ok(Self {
             source: path.display().to_string(),
-            path: TruthPath::Track { is_gps_time, rows },
+            path: TruthPath::Track(track),
         })
     }
 
     /// Position at an epoch, ECEF, m; `None` where the track has none.
     pub fn at(&self, time: GpsTime, since_first_ns: i64) -> Option<[f64; 3]> {
-        let (is_gps_time, rows) = match &self.path {
-            TruthPath::Fixed(r_e_m) => return Some(*r_e_m),
-            TruthPath::Track { is_gps_time, rows } => (*is_gps_time, rows),
-        };
-        let now = if is_gps_time {
-            time.ns()
-        } else {
-            since_first_ns
-        };
-        let after = rows.partition_point(|row| row.0 < now);
-        let same = [after.checked_sub(1), Some(after)]
-            .into_iter()
-            .flatten()
-            .filter_map(|k| rows.get(k))
-            .find(|row| (row.0 - now).abs() <= SAME_TIME_NS);
-        if let Some(row) = same {
-            return Some(row.1);
+        match &self.path {
+            TruthPath::Fixed(r_e_m) => Some(*r_e_m),
+            TruthPath::Track(track) => {
+                look_up(&track.positions, track.now_ns(time, since_first_ns))
+            }
         }
-        let (before, next) = (rows.get(after.checked_sub(1)?)?, rows.get(after)?);
-        let gap_s = (next.0 - before.0) as f64 / NS_PER_S as f64;
-        if gap_s > MAX_GAP_S {
+    }
+
+    /// Velocity that the track itself states at an epoch, east, north, up, m/s; `None` where it states none.
+    pub fn velocity_enu_mps(&self, time: GpsTime, since_first_ns: i64) -> Option<[f64; 3]> {
+        let TruthPath::Track(track) = &self.path else {
             return None;
-        }
-        let share = (now - before.0) as f64 / (next.0 - before.0) as f64;
-        Some(core::array::from_fn(|k| {
-            before.1[k] + share * (next.1[k] - before.1[k])
-        }))
+        };
+        let now_ns = track.now_ns(time, since_first_ns);
+        let v_e_mps = look_up(&track.velocities, now_ns)?;
+        enu(look_up(&track.positions, now_ns)?, v_e_mps.into())
     }
 
     /// Error of a position east, north, up at the true position, m.
     pub fn error_enu_m(true_e_m: [f64; 3], r_e_m: [f64; 3]) -> Option<[f64; 3]> {
-        let true_e = Vector3::from(true_e_m);
-        let llh = geodesy::to_llh(&true_e).ok()?;
-        let error = geodesy::c_enu_e(llh.lat_rad, llh.lon_rad) * (Vector3::from(r_e_m) - true_e);
-        Some(error.into())
+        enu(true_e_m, Vector3::from(r_e_m) - Vector3::from(true_e_m))
     }
 }
 
-fn csv_rows(text: &str) -> Result<(bool, Vec<TrackRow>)> {
+/// A vector in Earth-fixed axes, east, north, up at a position.
+fn enu(at_e_m: [f64; 3], vector_e: Vector3<f64>) -> Option<[f64; 3]> {
+    let llh = geodesy::to_llh(&at_e_m.into()).ok()?;
+    Some((geodesy::c_enu_e(llh.lat_rad, llh.lon_rad) * vector_e).into())
+}
+
+/// The row of a time, or between two rows that are near enough to each other.
+fn look_up(rows: &[TrackRow], now_ns: i64) -> Option<[f64; 3]> {
+    let after = rows.partition_point(|row| row.0 < now_ns);
+    let same = [after.checked_sub(1), Some(after)]
+        .into_iter()
+        .flatten()
+        .filter_map(|k| rows.get(k))
+        .find(|row| (row.0 - now_ns).abs() <= SAME_TIME_NS);
+    if let Some(row) = same {
+        return Some(row.1);
+    }
+    let (before, next) = (rows.get(after.checked_sub(1)?)?, rows.get(after)?);
+    let gap_s = (next.0 - before.0) as f64 / NS_PER_S as f64;
+    if gap_s > MAX_GAP_S {
+        return None;
+    }
+    let share = (now_ns - before.0) as f64 / (next.0 - before.0) as f64;
+    Some(core::array::from_fn(|k| {
+        before.1[k] + share * (next.1[k] - before.1[k])
+    }))
+}
+
+fn csv_track(text: &str) -> Result<Track> {
     let mut lines = text.lines();
     let header: Vec<&str> = lines
         .next()
@@ -159,13 +198,17 @@ fn csv_rows(text: &str) -> Result<(bool, Vec<TrackRow>)> {
             header.join(",")
         );
     };
+    let velocity = ["vx_mps", "vy_mps", "vz_mps"].map(|name| find(&[name]));
     let week = find(&["week", "GpsWeek"]).zip(find(&["tow_s", "GpsToW [s]"]));
     let cycle = find(&["GpsCycle"]);
     let since_first = find(&["t_s"]);
     if week.is_none() && since_first.is_none() {
         bail!("the truth file has neither t_s nor week and tow_s");
     }
-    let mut rows = Vec::new();
+    let mut track = Track {
+        is_gps_time: week.is_some(),
+        ..Track::of_positions(Vec::new())
+    };
     for (number, line) in lines.enumerate().filter(|(_, l)| !l.trim().is_empty()) {
         let fields: Vec<&str> = line.split(',').map(str::trim).collect();
         let value = |column: usize| -> Result<f64> {
@@ -190,9 +233,16 @@ fn csv_rows(text: &str) -> Result<(bool, Vec<TrackRow>)> {
             (None, Some(column)) => seconds_to_ns(value(column)?),
             (None, None) => 0,
         };
-        rows.push((ns, [value(x)?, value(y)?, value(z)?]));
+        track
+            .positions
+            .push((ns, [value(x)?, value(y)?, value(z)?]));
+        if let [Some(x), Some(y), Some(z)] = velocity {
+            track
+                .velocities
+                .push((ns, [value(x)?, value(y)?, value(z)?]));
+        }
     }
-    Ok((week.is_some(), rows))
+    Ok(track)
 }
 
 fn seconds_to_ns(seconds: f64) -> i64 {
@@ -256,14 +306,14 @@ mod tests {
     use super::*;
 
     fn track(text: &str) -> Truth {
-        let (is_gps_time, rows) = if text.starts_with('%') {
-            (true, rtklib_rows(text).unwrap())
+        let track = if text.starts_with('%') {
+            Track::of_positions(rtklib_rows(text).unwrap())
         } else {
-            csv_rows(text).unwrap()
+            csv_track(text).unwrap()
         };
         Truth {
             source: String::new(),
-            path: TruthPath::Track { is_gps_time, rows },
+            path: TruthPath::Track(track),
         }
     }
 
@@ -276,6 +326,19 @@ mod tests {
         assert_eq!(at(700_000_000), None);
         assert_eq!(at(1_200_000_000), Some([5.0, 5.0, 5.0]));
         assert_eq!(at(2_000_000_000), None);
+    }
+
+    #[test]
+    fn a_velocity_is_the_one_of_its_row_and_east_north_up() {
+        // On the equator at longitude 0 up is x, east is y.
+        let truth = track(
+            "t_s,x_m,y_m,z_m,vx_mps,vy_mps,vz_mps\n0,6378137,0,0,3,1,2\n1,6378140,1,2,5,5,5\n",
+        );
+        let at = |ns| truth.velocity_enu_mps(GpsTime::from_ns(0), ns);
+        assert_eq!(at(0), Some([1.0, 2.0, 3.0]));
+        assert_eq!(at(500_000_000), None);
+        let without = track("t_s,x_m,y_m,z_m\n0,6378137,0,0\n");
+        assert_eq!(without.velocity_enu_mps(GpsTime::from_ns(0), 0), None);
     }
 
     #[test]

@@ -65,7 +65,7 @@ fn unusable_arguments_are_refused_with_the_next_step() {
     let missing = directory.join("missing.obs");
     refused(
         &["replay", "--gnss", text(&missing), "--out", out],
-        &["missing.obs", "cannot read"],
+        &["--gnss", "missing.obs", "give the path", "cannot read"],
     );
     refused(
         &["replay", "--gnss", readme, "--out", out],

@@ -117,6 +117,9 @@ fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_withou
         let s = &monitor.without_fault;
         assert_eq!(s.epochs, 601, "{name}");
         assert_eq!(s.above_level, 0, "{name}");
+        // Whatever gives levels is held against the truth, Doppler RAIM against the true velocity.
+        let has_levels = MONITORS.iter().any(|m| m.name == name && m.has_levels);
+        assert!(!has_levels || s.compared > 590, "{name}: {}", s.compared);
         if let Some(stated) = monitor.p_false_alert {
             let [at_least, _] = clopper_pearson(s.detected, s.epochs, CONFIDENCE);
             assert!(at_least <= stated, "{name}: {} alerts", s.detected);
@@ -129,6 +132,41 @@ fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_withou
             .iter()
             .all(|m| m.name != compare::product::NAME)
     );
+}
+
+/// INT-148.
+#[test]
+fn int_148_the_level_of_doppler_raim_is_held_against_the_velocity_of_a_flight() {
+    let folder = directory("compare-flight").join("sky");
+    let output = surefix(&[
+        "simulate",
+        "approach",
+        "--seed",
+        "3",
+        "--duration",
+        "240",
+        "--out",
+        text(&folder),
+    ]);
+    assert!(output.status.success(), "{output:?}");
+    let comparison = compared(&[
+        "--gnss",
+        text(&folder),
+        "--ionosphere",
+        "none",
+        "--monitors",
+        "doppler",
+        "--out",
+        "unused",
+    ]);
+    let [doppler] = &comparison.monitors[..] else {
+        panic!("one monitor");
+    };
+    let s = &doppler.without_fault;
+    assert_eq!((s.epochs, s.compared, s.above_level), (241, 241, 0));
+    // Against a velocity of zero, or one that is not the epoch's, the errors are those of an aircraft.
+    let error = [s.error_h95_m, s.error_v95_m].map(Option::unwrap);
+    assert!(error[0] < 0.3 && error[1] < 0.3, "{error:?}");
 }
 
 /// INT-149.
@@ -150,7 +188,10 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
     for monitor in &comparison.monitors {
         let faulted = monitor.with_fault.as_ref().unwrap();
         let epochs = (monitor.without_fault.epochs, faulted.epochs);
-        assert_eq!(epochs, (61, 30), "{}", monitor.name);
+        // The ramp begins with 0 m; its rate is there from the beginning.
+        let is_rate = monitor.name == "doppler";
+        let expected = if is_rate { (61, 30) } else { (62, 29) };
+        assert_eq!(epochs, expected, "{}", monitor.name);
     }
     let of = |name: &str| {
         let monitor = comparison.monitors.iter().find(|m| m.name == name).unwrap();
@@ -167,6 +208,36 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
     let horizontal = |name: &str| of(name).error_h95_m.unwrap();
     assert!(horizontal("none") > horizontal("residual") + 2.0);
     assert!(horizontal("none") > horizontal(compare::product::NAME) + 2.0);
+}
+
+#[test]
+fn a_satellite_that_surefix_holds_after_its_fault_is_no_wrong_exclusion() {
+    let folder = sky("compare-held", &["--duration", "160"]);
+    let comparison = compared(&[
+        "--gnss",
+        text(&folder),
+        "--systems",
+        "GC",
+        "--ionosphere",
+        "none",
+        "--fault",
+        "G04:step:60:60:90",
+        "--fault",
+        "G07:step:60:120:150",
+        "--monitors",
+        "residual,surefix",
+        "--out",
+        "unused",
+    ]);
+    let [residual, product] = &comparison.monitors[..] else {
+        panic!("two monitors");
+    };
+    let [residual, product] = [residual, product].map(|m| m.with_fault.as_ref().unwrap());
+    assert_eq!((residual.epochs, product.epochs), (60, 60));
+    assert_eq!((residual.still_held, residual.excluded_wrongly), (0, 0));
+    assert_eq!(product.excluded_wrongly, 0, "{product:?}");
+    assert!(product.still_held >= 20, "{product:?}");
+    assert!(product.excluded_rightly >= 54, "{product:?}");
 }
 
 #[test]
@@ -226,7 +297,18 @@ fn what_is_written_can_be_read_and_is_the_same_again() {
     let swept = MONITORS.iter().filter(|m| m.tests == Tests::Pseudoranges);
     let rows = 2 * (MONITORS.len() + 1) + 3 * swept.count();
     assert_eq!(counts.lines().count(), 1 + rows);
-    assert_eq!(epochs.lines().count(), 1 + 61 * (MONITORS.len() + 1));
+    // surefix itself with the fault, and without.
+    assert_eq!(epochs.lines().count(), 1 + 61 * (MONITORS.len() + 2));
+    let named = |name: &'static str| {
+        epochs
+            .lines()
+            .filter(move |l| l.split(',').nth(2) == Some(name))
+    };
+    let is_out = |line: &&str| line.split(',').nth(4) == Some("G07");
+    assert_eq!(named("surefix").count(), 61);
+    assert!(named("surefix").filter(is_out).count() > 0);
+    assert_eq!(named("surefix_clean").count(), 61);
+    assert_eq!(named("surefix_clean").filter(is_out).count(), 0);
     assert_eq!(svg.matches("class=\"title\"").count(), 7);
     assert!(svg.ends_with("</svg>\n") && !svg.contains("NaN"));
 }
@@ -274,7 +356,28 @@ fn what_cannot_be_done_is_refused_with_the_next_step() {
             assert!(message.contains(word), "{arguments:?}: {message}");
         }
     };
-    refused(&["--monitors", "reraim"], &["reraim", "residual, rms"]);
+    refused(
+        &["--monitors", "reraim"],
+        &["reraim", "residual, rms", "doppler, surefix"],
+    );
+    for alone in ["surefix", "doppler", "surefix,doppler"] {
+        refused(
+            &["--monitors", alone, "--sweep", "0:5:10"],
+            &["leave out --sweep", "residual"],
+        );
+    }
+    refused(
+        &["--nav", "nofile.nav"],
+        &["--nav nofile.nav", "navigation file", "cannot read"],
+    );
+    refused(
+        &["--imu", "nofile.sfx", "--ionosphere", "none"],
+        &["--imu nofile.sfx", "inertial unit", "cannot read"],
+    );
+    let output = surefix(&["compare", "--gnss", "nofile.rtcm3", "--out", out]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(message.contains("--gnss nofile.rtcm3: give the path of a recording"));
     refused(&["--sweep", "5:0:1"], &["5:0:1", "0:5:100"]);
     refused(&["--sweep", "0:5:10", "--faults", "4"], &["--faults"]);
     refused(&["--faults", "2"], &["--sweep"]);

@@ -106,23 +106,34 @@ fn each_subset<const CLOCKS: usize>(
             workspace.suspicions.dropped += 1;
             continue;
         }
-        for member in members {
-            if let Some(is_member) = is_member.get_mut(*member) {
-                *is_member = true;
-            }
-        }
+        mark(&mut is_member, members);
         workspace.suspect(members, &minimal, factor * factor);
     }
     for row in 0..workspace.rows().len() {
         if is_member.get(row) == Some(&false) && !workspace.is_left_out(&[row]) {
-            admit_best::<CLOCKS>(workspace, row, factor);
+            admit_best::<CLOCKS>(workspace, row, factor, &mut is_member);
         }
     }
 }
 
-/// The subset of the smallest dilution that the row is a member of predicts after all.
+#[inline(always)]
+fn mark(is_member: &mut [bool; MAX_SATELLITES], members: &[usize]) {
+    for member in members {
+        if let Some(is_member) = is_member.get_mut(*member) {
+            *is_member = true;
+        }
+    }
+}
+
+/// The subset of the smallest dilution that the row is a member of predicts after all. All its members then have a
+/// subset, so that it is not admitted again for another of them.
 #[inline(never)]
-fn admit_best<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, row: usize, factor: f64) {
+fn admit_best<const CLOCKS: usize>(
+    workspace: &mut ConsensusWorkspace,
+    row: usize,
+    factor: f64,
+    is_member: &mut [bool; MAX_SATELLITES],
+) {
     let mut best_squared = f64::INFINITY;
     let mut best = [0; super::consensus::MAX_MEMBERS];
     let mut minimal = Minimal::<CLOCKS>::EMPTY;
@@ -146,7 +157,42 @@ fn admit_best<const CLOCKS: usize>(workspace: &mut ConsensusWorkspace, row: usiz
         && let Some(members) = best.get(..size)
         && minimal.solve(workspace.rows(), members)
     {
+        mark(is_member, members);
         workspace.suspicions.dropped -= 1;
         workspace.suspect(members, &minimal, factor * factor);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linalg::LinearModel;
+
+    /// Three on the horizon, one overhead, one between.
+    const SKY: [[f64; 3]; 5] = [
+        [1.0, 0.0, 0.0],
+        [-0.5, 0.866_025_403_784_438_6, 0.0],
+        [-0.5, -0.866_025_403_784_438_6, 0.0],
+        [0.0, 0.0, 1.0],
+        [0.6, 0.0, 0.8],
+    ];
+
+    #[test]
+    fn a_subset_that_is_the_best_of_several_rows_predicts_once() {
+        let mut model = LinearModel::EMPTY;
+        (model.n, model.m) = (SKY.len(), 4);
+        for (row, [east, north, up]) in SKY.into_iter().enumerate() {
+            model.design[row][..4].copy_from_slice(&[east, north, up, 1.0]);
+            model.residual_m[row] = 0.0;
+            model.sigma_m[row] = 1.0;
+        }
+        let mut workspace = ConsensusWorkspace::EMPTY;
+        workspace.load(&model).unwrap();
+        // No subset is within this limit: four rows come back with the first four, the last one with its own best.
+        count(&mut workspace, 3.0, 0.1);
+        let suspicions = workspace.suspicions();
+        assert_eq!((suspicions.subsets, suspicions.dropped), (2, 3));
+        assert_eq!(suspicions.predictions().iter().sum::<u32>(), 2);
+        assert_eq!(suspicions.predictions()[4], 1);
     }
 }

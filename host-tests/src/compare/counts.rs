@@ -2,10 +2,12 @@
 //!
 //! | word | of an epoch |
 //! |---|---|
+//! | not in use | every satellite at fault is one that the monitor has no room for: it can be neither detected nor missed |
 //! | detected | a fault was seen, taken out or not |
 //! | rightly | what was taken out is what was faulted, no more and no less |
 //! | partly | some of what was faulted was taken out, and nothing healthy |
 //! | wrongly | something healthy was taken out, whatever else was |
+//! | still held | something was out that was faulted earlier and is not now, by what remembers; it is neither right nor wrong, and no detection |
 //! | false alert | an epoch without a fault on which one was seen |
 //! | served | the monitor passed the epoch or what it left of it: the position is given to the user |
 //! | above a level | a served position whose error is larger than its level |
@@ -13,8 +15,8 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use surefix_core::gnss::SatelliteSet;
 use surefix_core::gnss::solution::UsedRow;
+use surefix_core::gnss::{Satellite, SatelliteSet};
 use surefix_core::integrity::PhaseRequirements;
 use surefix_core::raim::monitors::{MonitorLevels, MonitorVerdict, NoLevels, NotTested, Outcome};
 
@@ -57,6 +59,8 @@ pub struct Said {
     pub answer: Answer,
     /// Satellites taken out.
     pub excluded: SatelliteSet,
+    /// Satellites of the epoch that the monitor has no room for.
+    pub not_in_use: SatelliteSet,
     /// Error of the position that is left, east, north, up, m; `None` without a position or a truth.
     pub error_enu_m: Option<[f64; 3]>,
     /// Levels, or why there are none, in a word of the files.
@@ -84,6 +88,7 @@ impl Said {
                 Outcome::Detected => Answer::Detected,
             },
             excluded,
+            not_in_use: SatelliteSet::EMPTY,
             error_enu_m,
             levels: verdict.levels.map_err(no_levels),
         }
@@ -94,6 +99,7 @@ impl Said {
         Self {
             answer: Answer::NotTested(why),
             excluded: SatelliteSet::EMPTY,
+            not_in_use: SatelliteSet::EMPTY,
             error_enu_m: None,
             levels: Err(why),
         }
@@ -141,16 +147,37 @@ const fn no_levels(why: NoLevels) -> &'static str {
     }
 }
 
+/// What is at fault at an epoch.
+#[derive(Clone, Copy, Debug)]
+pub struct AtFault {
+    /// Satellites faulted.
+    pub now: SatelliteSet,
+    /// Satellites that were faulted earlier, for what remembers them; none for a monitor of one epoch alone.
+    pub before: SatelliteSet,
+}
+
+impl AtFault {
+    /// For a monitor that knows nothing of earlier epochs.
+    pub const fn now(now: SatelliteSet) -> Self {
+        Self {
+            now,
+            before: SatelliteSet::EMPTY,
+        }
+    }
+}
+
 /// Counts while they grow.
 #[derive(Clone, Debug, Default)]
 pub struct Counts {
     epochs: u64,
     not_tested: BTreeMap<&'static str, u64>,
+    not_in_use: u64,
     detected: u64,
     excluded: u64,
     rightly: u64,
     partly: u64,
     wrongly: u64,
+    held: u64,
     served: u64,
     no_levels: BTreeMap<&'static str, u64>,
     hpl_m: Vec<f64>,
@@ -167,17 +194,29 @@ pub struct Counts {
 
 impl Counts {
     /// Takes what a monitor said of an epoch with these satellites faulted.
-    pub fn book(&mut self, said: &Said, faulted: &SatelliteSet, limits: &PhaseRequirements) {
+    pub fn book(&mut self, said: &Said, at_fault: &AtFault, limits: &PhaseRequirements) {
         self.epochs += 1;
         if let Answer::NotTested(why) = said.answer {
             *self.not_tested.entry(why).or_default() += 1;
         }
-        self.detected += u64::from(said.is_detected());
-        self.excluded += u64::from(said.answer == Answer::Excluded);
-        let takes_healthy = said.excluded.iter().any(|s| !faulted.contains(s));
-        self.wrongly += u64::from(takes_healthy);
-        if said.answer == Answer::Excluded && !takes_healthy {
-            let all = said.excluded.len() == faulted.len();
+        let AtFault { now, before } = at_fault;
+        let out = |is_counted: &dyn Fn(Satellite) -> bool| {
+            said.excluded.iter().filter(|s| is_counted(*s)).count()
+        };
+        let at_work = now.iter().filter(|s| !said.not_in_use.contains(*s)).count();
+        let is_not_in_use = at_work == 0 && !now.is_empty();
+        self.not_in_use += u64::from(is_not_in_use);
+        let found = out(&|s| now.contains(s));
+        let held = out(&|s| !now.contains(s) && before.contains(s));
+        let healthy = out(&|s| !now.contains(s) && !before.contains(s));
+        self.held += u64::from(held > 0);
+        self.wrongly += u64::from(healthy > 0);
+        let is_excluded = said.answer == Answer::Excluded;
+        let only_held = is_excluded && held > 0 && found + healthy == 0;
+        self.detected += u64::from(said.is_detected() && !only_held && !is_not_in_use);
+        self.excluded += u64::from(is_excluded && !only_held);
+        if is_excluded && found > 0 && healthy == 0 {
+            let all = found == at_work;
             self.rightly += u64::from(all);
             self.partly += u64::from(!all);
         }
@@ -218,16 +257,20 @@ impl Counts {
             max_m: quantile(values, 1.0),
         };
         let not_tested: u64 = self.not_tested.values().sum();
+        let in_use = self.epochs - self.not_in_use;
         Summary {
             epochs: self.epochs,
             tested: self.epochs - not_tested,
             not_tested: self.not_tested,
+            not_in_use: self.not_in_use,
+            in_use,
             detected: self.detected,
-            detection_rate: Rate::new(self.detected, self.epochs),
+            detection_rate: Rate::new(self.detected, in_use),
             excluded: self.excluded,
             excluded_rightly: self.rightly,
             excluded_partly: self.partly,
             excluded_wrongly: self.wrongly,
+            still_held: self.held,
             served: self.served,
             hpl: largest(&mut self.hpl_m),
             vpl: largest(&mut self.vpl_m),
@@ -287,9 +330,13 @@ pub struct Summary {
     pub tested: u64,
     /// Why it did not test the others.
     pub not_tested: BTreeMap<&'static str, u64>,
-    /// Epochs on which it saw a fault.
+    /// Epochs on which every satellite at fault is one that it has no room for.
+    pub not_in_use: u64,
+    /// The other epochs.
+    pub in_use: u64,
+    /// Of these, epochs on which it saw a fault.
     pub detected: u64,
-    /// Of all epochs, tested or not; without a fault the rate of false alerts.
+    /// Of these, tested or not; without a fault the rate of false alerts.
     pub detection_rate: Rate,
     /// Epochs on which it took something out and went on.
     pub excluded: u64,
@@ -299,6 +346,8 @@ pub struct Summary {
     pub excluded_partly: u64,
     /// Something healthy.
     pub excluded_wrongly: u64,
+    /// Something out that was faulted earlier and is not now.
+    pub still_held: u64,
     /// Positions given to the user.
     pub served: u64,
     /// Horizontal levels.
@@ -331,7 +380,7 @@ pub struct Summary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surefix_core::gnss::{Satellite, System};
+    use surefix_core::gnss::System;
     use surefix_core::integrity::Phase;
 
     fn set(prns: &[u8]) -> SatelliteSet {
@@ -346,6 +395,7 @@ mod tests {
         Said {
             answer,
             excluded: set(excluded),
+            not_in_use: SatelliteSet::EMPTY,
             error_enu_m: Some([0.0, 1.0, up_m]),
             levels: Ok(MonitorLevels {
                 hpl_m: 5.0,
@@ -355,11 +405,50 @@ mod tests {
     }
 
     fn counted(answers: &[Said], faulted: &[u8]) -> Summary {
+        counted_after(answers, faulted, &[])
+    }
+
+    fn counted_after(answers: &[Said], faulted: &[u8], before: &[u8]) -> Summary {
+        let at_fault = AtFault {
+            now: set(faulted),
+            before: set(before),
+        };
         let mut counts = Counts::default();
         for said in answers {
-            counts.book(said, &set(faulted), &Phase::Lpv200.requirements());
+            counts.book(said, &at_fault, &Phase::Lpv200.requirements());
         }
         counts.summary()
+    }
+
+    #[test]
+    fn a_fault_on_a_satellite_that_is_not_in_use_is_neither_detected_nor_missed() {
+        let without = |answer, excluded: &[u8]| Said {
+            not_in_use: set(&[1]),
+            ..said(answer, excluded, 0.0)
+        };
+        let summary = counted(&[without(Answer::Passed, &[])], &[1]);
+        assert_eq!((summary.epochs, summary.not_in_use), (1, 1));
+        assert_eq!(summary.detection_rate.rate, None);
+        // Beside one that is, that one is all there is to find.
+        let summary = counted(&[without(Answer::Excluded, &[2])], &[1, 2]);
+        assert_eq!((summary.not_in_use, summary.excluded_rightly), (0, 1));
+        assert_eq!(summary.detection_rate.rate, Some(1.0));
+    }
+
+    #[test]
+    fn what_is_still_held_after_its_fault_is_neither_wrong_nor_a_detection() {
+        let answers = [
+            said(Answer::Excluded, &[1], 0.0),
+            said(Answer::Excluded, &[1, 2], 0.0),
+            said(Answer::Excluded, &[1, 3], 0.0),
+            said(Answer::Detected, &[1], 0.0),
+        ];
+        let summary = counted_after(&answers, &[2], &[1]);
+        assert_eq!((summary.still_held, summary.excluded_wrongly), (4, 1));
+        assert_eq!((summary.excluded_rightly, summary.excluded_partly), (1, 0));
+        assert_eq!((summary.excluded, summary.detected), (2, 3));
+        let forgetful = counted(&answers, &[2]);
+        assert_eq!((forgetful.still_held, forgetful.excluded_wrongly), (0, 4));
     }
 
     #[test]

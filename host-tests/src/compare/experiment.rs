@@ -11,7 +11,7 @@ use surefix_core::integrity::{Phase, PhaseRequirements};
 use surefix_core::linalg::LinearModel;
 use surefix_core::raim::monitors::MonitorEpoch;
 
-use super::counts::{Counts, Said, Summary};
+use super::counts::{AtFault, Counts, Said, Summary};
 use super::registry::{Configured, Entry, Tests};
 use super::subject::Subject;
 use super::sweep::Trial;
@@ -49,8 +49,22 @@ impl Contestant {
     ) -> Result<Said> {
         let epoch = MonitorEpoch::new(model, rows)
             .map_err(|error| anyhow!("an epoch is no epoch of a monitor: {error:?}"))?;
-        Ok(Said::new(&self.monitor.assess(&epoch), rows, at_enu_m))
+        Ok(Said {
+            not_in_use: all_but_highest(rows, self.entry.most_satellites),
+            ..Said::new(&self.monitor.assess(&epoch), rows, at_enu_m)
+        })
     }
+}
+
+/// The satellites that are left where only so many of the highest are taken.
+fn all_but_highest(rows: &[UsedRow], taken: usize) -> SatelliteSet {
+    let mut descending: Vec<&UsedRow> = rows.iter().collect();
+    descending.sort_by(|a, b| b.elevation_rad.total_cmp(&a.elevation_rad));
+    let mut left = SatelliteSet::EMPTY;
+    for row in descending.iter().skip(taken) {
+        left.insert(row.satellite);
+    }
+    left
 }
 
 /// The rows of an epoch with faults on them.
@@ -90,7 +104,10 @@ impl Faulty {
             },
         };
         for (satellite, value_m, rate_mps) in faults {
-            if let Some(row) = row_of(&epoch.rows, satellite) {
+            // A fault of no size, as a ramp is where it begins, is none.
+            if value_m != 0.0
+                && let Some(row) = row_of(&epoch.rows, satellite)
+            {
                 faulty.model.residual_m[row] += value_m;
                 faulty.faulted.pseudoranges.insert(satellite);
             }
@@ -110,17 +127,19 @@ impl Faulty {
 pub struct Series {
     /// Of each epoch, what is faulted.
     pub faulted: Vec<Faulted>,
+    /// Of each epoch, the satellites whose faults began earlier.
+    pub before: Vec<SatelliteSet>,
     /// Of each epoch, what each monitor said.
     pub said: Vec<Vec<Said>>,
+    /// Of each epoch, what surefix itself said of the recording without the faults; empty where there are none.
+    pub clean: Vec<Said>,
 }
 
 impl Series {
-    /// Puts what the monitor of a number said in place of what it said before, or behind the others; `None` where it said
-    /// nothing.
-    pub fn set(&mut self, monitor: usize, said: Vec<Option<Said>>) {
+    /// Puts behind the others what surefix itself said of each epoch.
+    pub fn push(&mut self, said: Vec<Said>) {
         for (others, said) in self.said.iter_mut().zip(said) {
-            others.truncate(monitor);
-            others.push(said.unwrap_or_else(|| Said::nothing("no_report")));
+            others.push(said);
         }
     }
 
@@ -132,17 +151,42 @@ impl Series {
         faulted: bool,
         limits: &PhaseRequirements,
     ) -> Summary {
-        let mut counts = Counts::default();
-        let sets = self.faulted.iter().map(|faulted| faulted.of(tests));
-        for (set, said) in sets.zip(&self.said) {
-            if set.is_empty() != faulted
-                && let Some(said) = said.get(monitor)
-            {
-                counts.book(said, set, limits);
-            }
-        }
-        counts.summary()
+        let said = self.said.iter().map(|said| said.get(monitor));
+        let at_fault = self.faulted.iter().map(|f| AtFault::now(*f.of(tests)));
+        counted(said.zip(at_fault), faulted, limits)
     }
+
+    /// Counts of surefix itself, the last: with faults, as above, but what it still holds is known; without, over the
+    /// same epochs of the recording without any.
+    pub fn counts_of_product(&self, faulted: bool, limits: &PhaseRequirements) -> Summary {
+        let at_fault = self.faulted.iter().zip(&self.before);
+        let at_fault = at_fault.map(|(faulted, before)| AtFault {
+            now: faulted.pseudoranges,
+            before: *before,
+        });
+        if faulted || self.clean.is_empty() {
+            let said = self.said.iter().map(|said| said.last());
+            counted(said.zip(at_fault), faulted, limits)
+        } else {
+            counted(self.clean.iter().map(Some).zip(at_fault), faulted, limits)
+        }
+    }
+}
+
+fn counted<'a>(
+    epochs: impl Iterator<Item = (Option<&'a Said>, AtFault)>,
+    faulted: bool,
+    limits: &PhaseRequirements,
+) -> Summary {
+    let mut counts = Counts::default();
+    for (said, at_fault) in epochs {
+        if at_fault.now.is_empty() != faulted
+            && let Some(said) = said
+        {
+            counts.book(said, &at_fault, limits);
+        }
+    }
+    counts.summary()
 }
 
 /// Runs the monitors over all epochs.
@@ -160,7 +204,9 @@ pub fn series(
     let mut touched = vec![false; faults.len()];
     let mut series = Series {
         faulted: Vec::new(),
+        before: Vec::new(),
         said: Vec::new(),
+        clean: Vec::new(),
     };
     for epoch in &subject.epochs {
         let linearised = &epoch.linearised;
@@ -168,7 +214,7 @@ pub fn series(
         let faulty = Faulty::new(linearised, injector.values(t_s));
         for (touched, fault) in touched.iter_mut().zip(faults) {
             let is_active = (fault.t0_s..fault.t1_s).contains(&t_s);
-            *touched |= is_active && faulty.faulted.pseudoranges.contains(fault.satellite);
+            *touched |= is_active && row_of(&linearised.rows, fault.satellite).is_some();
         }
         let said: Result<Vec<Said>> = contestants
             .iter_mut()
@@ -185,6 +231,11 @@ pub fn series(
             .collect();
         series.said.push(said?);
         series.faulted.push(faulty.faulted);
+        let mut before = SatelliteSet::EMPTY;
+        for fault in faults.iter().filter(|fault| fault.t0_s < t_s) {
+            before.insert(fault.satellite);
+        }
+        series.before.push(before);
         progress();
     }
     if let Some((fault, _)) = faults.iter().zip(touched).find(|(_, touched)| !touched) {
@@ -229,14 +280,13 @@ pub fn sweep(
             let faults = trial
                 .rows
                 .iter()
-                // A fault of no size is none.
-                .filter(|_| *size_m > 0.0)
                 .map(|(row, sign)| (rows[*row].satellite, sign * size_m, 0.0));
             let faulty = Faulty::new(&epoch.linearised, faults);
             for (contestant, counts) in contestants.iter_mut().zip(&mut counts) {
                 if contestant.entry.tests == Tests::Pseudoranges {
                     let said = contestant.says(&faulty.model, rows, epoch.at_enu_m)?;
-                    counts.book(&said, &faulty.faulted.pseudoranges, limits);
+                    let at_fault = AtFault::now(faulty.faulted.pseudoranges);
+                    counts.book(&said, &at_fault, limits);
                 }
             }
             progress();
@@ -244,4 +294,29 @@ pub fn sweep(
         by_size.push(counts.into_iter().map(Counts::summary).collect());
     }
     Ok(by_size)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surefix_core::gnss::System;
+    use surefix_core::gnss::weights::RowSigma;
+
+    #[test]
+    fn of_too_many_satellites_the_lowest_are_not_in_use() {
+        let row = |(prn, elevation_rad): (u8, f64)| UsedRow {
+            satellite: Satellite::new(System::Gps, prn).unwrap(),
+            elevation_rad,
+            azimuth_rad: 0.0,
+            sigma: RowSigma {
+                independent_m: 1.0,
+                common_m: 0.0,
+            },
+        };
+        let rows = [(1, 0.3), (2, 1.2), (3, 0.2), (4, 0.7)].map(row);
+        let left = all_but_highest(&rows, 2);
+        assert!(left.contains(rows[0].satellite) && left.contains(rows[2].satellite));
+        assert_eq!(left.len(), 2);
+        assert!(all_but_highest(&rows, 4).is_empty());
+    }
 }

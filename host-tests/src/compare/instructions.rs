@@ -1,12 +1,17 @@
 //! Executed instructions of a monitor, as the emulated board measured them.
 //!
 //! `instructions.json` holds the rows `monitor/…` of what `cargo xtask bench --json FILE` wrote. The board measures random
-//! skies of a few numbers of satellites; for an epoch the nearest of these numbers is taken, and said.
+//! skies of a few numbers of satellites and of one or two constellations; for an epoch the nearest of these is taken,
+//! and said.
 
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
 const MEASURED: &str = include_str!("instructions.json");
+
+/// A constellation more or less is as far as so many satellites more or less, the step between the smaller skies
+/// measured: at 8 and 12 satellites the number of constellations decides.
+const CONSTELLATION_AS_SATELLITES: u64 = 4;
 
 /// The figures of a bench.
 #[derive(Debug, Deserialize)]
@@ -18,6 +23,7 @@ pub struct Bench {
 struct BenchRow {
     stage: String,
     n_sats: Option<u64>,
+    n_states: Option<u64>,
     instr_median: Option<u64>,
     instr_worst: Option<u64>,
     stack_b: Option<u64>,
@@ -28,6 +34,8 @@ struct BenchRow {
 pub struct Instructions {
     /// Satellites of the skies they were measured with.
     pub satellites: u64,
+    /// Constellations of these, each with a clock.
+    pub constellations: u64,
     /// Median of those skies.
     pub median: u64,
     /// Worst of them.
@@ -57,6 +65,7 @@ impl Bench {
             .filter_map(|row| {
                 Some(Instructions {
                     satellites: row.n_sats?,
+                    constellations: row.n_states?.checked_sub(3)?,
                     median: row.instr_median?,
                     worst: row.instr_worst?,
                     stack_b: row.stack_b?,
@@ -64,10 +73,19 @@ impl Bench {
             })
     }
 
-    /// At the number of satellites nearest to this; `None` where the stage was not measured.
-    pub fn nearest(&self, stage: &str, satellites: u64) -> Option<Instructions> {
-        self.of(stage)
-            .min_by_key(|row| row.satellites.abs_diff(satellites))
+    /// At the sky nearest to this, of two as near the one with as many constellations; `None` where the stage was not
+    /// measured.
+    pub fn nearest(
+        &self,
+        stage: &str,
+        satellites: u64,
+        constellations: u64,
+    ) -> Option<Instructions> {
+        self.of(stage).min_by_key(|row| {
+            let clocks = row.constellations.abs_diff(constellations);
+            let away = row.satellites.abs_diff(satellites) + CONSTELLATION_AS_SATELLITES * clocks;
+            (away, clocks)
+        })
     }
 }
 
@@ -82,21 +100,31 @@ mod tests {
     use crate::compare::registry::MONITORS;
 
     #[test]
-    fn the_nearest_number_of_satellites_is_taken() {
-        let row = |stage: &str, n: u64, median: u64| {
+    fn the_nearest_number_of_satellites_and_constellations_is_taken() {
+        let row = |stage: &str, n: u64, states: u64, median: u64| {
             format!(
-                "{{\"stage\":\"{stage}\",\"n_sats\":{n},\"instr_median\":{median},\"instr_worst\":{},\"stack_b\":0}}",
+                "{{\"stage\":\"{stage}\",\"n_sats\":{n},\"n_states\":{states},\"instr_median\":{median},\"instr_worst\":{},\"stack_b\":0}}",
                 2 * median
             )
         };
-        let rows = [row("a", 8, 10), row("b", 8, 5), row("a", 12, 20)].join(",");
+        let rows = [
+            row("a", 8, 4, 10),
+            row("b", 8, 4, 5),
+            row("a", 12, 5, 20),
+            row("a", 18, 5, 30),
+        ]
+        .join(",");
         let bench = Bench::parse(&format!("{{\"rows\":[{rows}]}}")).unwrap();
-        let median =
-            |stage: &str, n: u64| bench.nearest(stage, n).map(|i| (i.satellites, i.median));
-        assert_eq!(median("a", 9), Some((8, 10)));
-        assert_eq!(median("a", 24), Some((12, 20)));
-        assert_eq!(median("b", 24), Some((8, 5)));
-        assert_eq!(median("c", 8), None);
+        let median = |stage: &str, n: u64, constellations: u64| {
+            let nearest = bench.nearest(stage, n, constellations);
+            nearest.map(|i| (i.satellites, i.constellations, i.median))
+        };
+        assert_eq!(median("a", 9, 1), Some((8, 1, 10)));
+        assert_eq!(median("a", 11, 1), Some((8, 1, 10)));
+        assert_eq!(median("a", 8, 2), Some((12, 2, 20)));
+        assert_eq!(median("a", 17, 1), Some((18, 2, 30)));
+        assert_eq!(median("b", 24, 2), Some((8, 1, 5)));
+        assert_eq!(median("c", 8, 1), None);
         assert!(Bench::parse("[]").is_err());
     }
 
@@ -105,8 +133,9 @@ mod tests {
         let bench = Bench::measured().unwrap();
         for entry in MONITORS.iter().filter(|entry| entry.looks_for_faults) {
             for stage in [entry.work.to_owned(), with_fault(entry.work)] {
-                let satellites: Vec<u64> = bench.of(&stage).map(|i| i.satellites).collect();
-                assert_eq!(satellites, [8, 12, 18, 24], "{stage}");
+                let skies = bench.of(&stage).map(|i| (i.satellites, i.constellations));
+                let skies: Vec<(u64, u64)> = skies.collect();
+                assert_eq!(skies, [(8, 1), (12, 2), (18, 2), (24, 2)], "{stage}");
             }
         }
     }

@@ -12,7 +12,7 @@
 //! | `comparison.csv` | counts, levels and errors: a row per monitor and kind of epoch (without a fault, with one, each size of the sweep) |
 //! | `comparison.json` | the same, with what was compared and how |
 //! | `comparison.svg` | rates by size of the fault; vertical levels and errors along the recording |
-//! | `epochs.csv` | a row per epoch and monitor: what was faulted, the answer, what was excluded, levels, errors |
+//! | `epochs.csv` | a row per epoch and monitor: what was faulted, the answer, what was excluded, levels, errors; with `--fault`, behind these a row per epoch of `surefix_clean`: surefix itself on the recording without the faults, from which its epochs without a fault are counted |
 //!
 //! `registry.rs` lists the monitors, `product.rs` puts surefix itself beside them, `instructions.rs` says what an
 //! epoch of each executes on the emulated board.
@@ -233,6 +233,11 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
     } else {
         registry::chosen(&names)?
     };
+    if sizes.is_some() && entries.iter().all(|e| e.tests != Tests::Pseudoranges) {
+        bail!(
+            "--sweep has nothing to sweep: its trials are single epochs with a fault on pseudoranges, surefix itself runs from the beginning of a recording to its end, and Doppler RAIM tests range rates; leave out --sweep, or add another monitor to --monitors, for example residual"
+        );
+    }
     let place = Place {
         gnss: args.gnss.clone(),
         nav: args.nav.clone(),
@@ -280,13 +285,14 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
         .transpose()?;
     let bench = Bench::measured()?;
     let satellites = subject.satellites();
+    let constellations = subject.constellations() as u64;
     let any_fault = !faults.is_empty();
     let mut monitors: Vec<MonitorResult> = contestants
         .iter()
         .enumerate()
         .map(|(k, contestant)| {
             let entry = contestant.entry;
-            let measured = |stage: &str| bench.nearest(stage, satellites[1] as u64);
+            let measured = |stage: &str| bench.nearest(stage, satellites[1] as u64, constellations);
             MonitorResult {
                 name: entry.name,
                 title: entry.title,
@@ -312,15 +318,15 @@ pub fn compare(args: &Args, progress: &mut dyn FnMut(u64, u64)) -> Result<Compar
         options.imu.clone_from(&place.imu);
         options.imu_settings.clone_from(&settings.imu);
         options.seed = args.seed;
-        let k = monitors.len();
         let clean = product::run(&options, &[], &subject, progress)?;
-        series.set(k, clean.said);
-        let without_fault = series.counts(k, Tests::Pseudoranges, false, &limits);
-        let mut with_fault = None;
         if any_fault {
-            series.set(k, product::run(&options, &faults, &subject, progress)?.said);
-            with_fault = Some(series.counts(k, Tests::Pseudoranges, true, &limits));
+            series.clean = clean.said;
+            series.push(product::run(&options, &faults, &subject, progress)?.said);
+        } else {
+            series.push(clean.said);
         }
+        let without_fault = series.counts_of_product(false, &limits);
+        let with_fault = any_fault.then(|| series.counts_of_product(true, &limits));
         monitors.push(MonitorResult {
             name: product::NAME,
             title: clean.title,

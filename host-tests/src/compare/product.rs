@@ -8,7 +8,8 @@
 use std::collections::BTreeMap;
 
 use anyhow::{Context, Result};
-use surefix_core::integrity::{Integrity, Mode};
+use surefix_core::gnss::SatelliteSet;
+use surefix_core::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason};
 use surefix_core::raim::monitors::MonitorLevels;
 use surefix_core::report::EpochReport;
 
@@ -19,13 +20,15 @@ use crate::replay::{self, ReplayOptions, TruthChoice};
 
 /// Its name on the command line and in files.
 pub const NAME: &str = "surefix";
+/// In `epochs.csv`, its replay without the faults of the command line.
+pub const CLEAN_NAME: &str = "surefix_clean";
 
 /// What it said, and what it was.
 pub struct Product {
     /// In tables.
     pub title: &'static str,
-    /// Of each epoch of the subject; `None` where it gave no report of it.
-    pub said: Vec<Option<Said>>,
+    /// Of each epoch of the subject.
+    pub said: Vec<Said>,
 }
 
 /// Replays the recording with these faults.
@@ -66,29 +69,59 @@ pub fn run(
             .epochs
             .iter()
             .map(|epoch| by_time.remove(&epoch.linearised.time.ns()))
+            .map(|said| said.unwrap_or_else(|| Said::nothing("no_report")))
             .collect(),
     })
 }
 
+/// Why a position that was tested has no level, in the words of the monitors beside it where they have one.
+const fn no_bound(why: NoBound) -> &'static str {
+    match why {
+        NoBound::NoPosition => "no_position",
+        NoBound::NoRedundancy => "no_redundancy",
+        NoBound::Untestable => "untestable",
+        NoBound::FaultPresent => "fault_present",
+        NoBound::NotFinite => "not_finite",
+        NoBound::DeadlineMissed => "deadline_missed",
+        NoBound::RiskSpent => "no_integrity_budget",
+        NoBound::AlertHeld => "alert_held",
+        NoBound::NoRawData => "no_raw_data",
+    }
+}
+
 fn said(report: &EpochReport, error_enu_m: Option<[f64; 3]>) -> Said {
     let verdict = &report.verdict;
-    let levels = match (verdict.hpl.bound_m(), verdict.vpl.bound_m()) {
-        (Some(hpl_m), Some(vpl_m)) => Ok(MonitorLevels { hpl_m, vpl_m }),
+    // A level above its limit, or none, is no matter of the test: the monitors beside it know no limits.
+    let is_tested = matches!(
+        verdict.reason,
+        Reason::HplAboveLimit | Reason::VplAboveLimit
+    );
+    let levels = match (verdict.hpl, verdict.vpl) {
+        (ProtectionLevel::Bound(hpl_m), ProtectionLevel::Bound(vpl_m)) => {
+            Ok(MonitorLevels { hpl_m, vpl_m })
+        }
+        (ProtectionLevel::Unavailable(why), _) | (_, ProtectionLevel::Unavailable(why))
+            if is_tested =>
+        {
+            Err(no_bound(why))
+        }
         _ => Err(verdict.reason.name()),
     };
-    // A level above its limit is no matter of the test: the monitors beside it know no limits.
     let answer = match verdict.integrity {
         Integrity::Alert => Answer::Detected,
         _ if report.fix.is_none() => Answer::NotTested(verdict.reason.name()),
         Integrity::Excluded => Answer::Excluded,
         Integrity::Nominal => Answer::Passed,
-        Integrity::Unavailable if levels.is_err() => Answer::NotTested(verdict.reason.name()),
+        Integrity::Unavailable if levels.is_err() && !is_tested => {
+            Answer::NotTested(verdict.reason.name())
+        }
         Integrity::Unavailable if verdict.excluded.is_empty() => Answer::Passed,
         Integrity::Unavailable => Answer::Excluded,
     };
     Said {
         answer,
         excluded: verdict.excluded,
+        not_in_use: SatelliteSet::EMPTY,
         error_enu_m,
         levels,
     }

@@ -310,7 +310,7 @@ fn consensus(phase: Phase, rule: ConsensusRule) -> Result<Made> {
 pub fn chosen(names: &[String]) -> Result<Vec<&'static Entry>> {
     let known = || MONITORS.iter().map(|entry| entry.name);
     if let Some(name) = names.iter().find(|name| known().all(|k| k != *name)) {
-        let known: Vec<&str> = known().collect();
+        let known: Vec<&str> = known().chain([super::product::NAME]).collect();
         bail!(
             "--monitors \"{name}\" does not exist: take some of {}, with commas between",
             known.join(", ")

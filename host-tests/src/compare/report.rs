@@ -6,8 +6,9 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use surefix_core::gnss::SatelliteSet;
 
-use super::counts::{CONFIDENCE, LevelSummary, Summary, horizontal_vertical};
+use super::counts::{CONFIDENCE, LevelSummary, Said, Summary, horizontal_vertical};
 use super::instructions::Instructions;
+use super::product;
 use super::registry::Tests;
 use super::{Comparison, MonitorResult, Plan};
 use crate::campaign::binomial::percent;
@@ -21,8 +22,8 @@ const COLOURS: [&str; 12] = [
 /// Most points of a curve over time; more epochs share a point, which shows the largest of their values.
 const MAX_POINTS: usize = 240;
 
-/// Which trials of a size are counted.
-type Events = fn(&Summary) -> u64;
+/// Which trials of a size are counted, of how many.
+type Events = fn(&Summary) -> [u64; 2];
 
 /// Prints nothing; writes everything.
 ///
@@ -117,8 +118,10 @@ pub fn tables(comparison: &Comparison) -> String {
     for monitor in monitors.iter().filter(|m| m.most_satellites < most) {
         let _ = writeln!(
             text,
-            "{} has room for {} satellites and takes the highest: the others are neither used nor tested, and a fault on one of them is not detected.\n",
-            monitor.title, monitor.most_satellites
+            "{} has room for {} satellites and takes the highest: the others are neither used nor tested. Where all faults of an epoch or a trial are on such satellites it is counted as not in use, {} times here, and is in no share of detections or right exclusions.\n",
+            monitor.title,
+            monitor.most_satellites,
+            not_in_use(monitor)
         );
     }
     if let Some(plan) = &comparison.sweep {
@@ -126,6 +129,17 @@ pub fn tables(comparison: &Comparison) -> String {
     }
     text += &cost(monitors);
     text
+}
+
+/// Epochs and trials whose faults are all on satellites that the monitor has no room for.
+fn not_in_use(monitor: &MonitorResult) -> u64 {
+    let with_fault = monitor.with_fault.iter();
+    let summaries = with_fault.chain(monitor.sweep.iter().flatten());
+    summaries.map(|s| s.not_in_use).sum()
+}
+
+fn share(events: u64, of: u64) -> f64 {
+    100.0 * events as f64 / of.max(1) as f64
 }
 
 fn of(events: u64, all: u64) -> String {
@@ -194,10 +208,12 @@ fn faulted(monitors: &[MonitorResult]) -> String {
                 monitor.title.into(),
                 s.epochs.to_string(),
                 causes(&s.not_tested),
-                percent(s.detected, s.epochs, CONFIDENCE),
+                s.not_in_use.to_string(),
+                percent(s.detected, s.in_use, CONFIDENCE),
                 s.excluded_rightly.to_string(),
                 s.excluded_partly.to_string(),
                 s.excluded_wrongly.to_string(),
+                s.still_held.to_string(),
                 s.served.to_string(),
                 metres(s.error_h95_m),
                 metres(s.error_v95_m),
@@ -209,10 +225,12 @@ fn faulted(monitors: &[MonitorResult]) -> String {
             "monitor",
             "epochs",
             "not tested",
+            "not in use",
             "detected, % (95 % interval)",
             "rightly out",
             "partly out",
             "healthy out",
+            "still held",
             "served",
             "H 95 %, m",
             "V 95 %, m",
@@ -303,12 +321,11 @@ fn sweep(plan: &Plan, monitors: &[MonitorResult], seed: u64) -> String {
         .map(|(k, size_m)| {
             let cells = swept.iter().map(|(_, sizes)| {
                 let s = &sizes[k];
-                let share = |events: u64| 100.0 * events as f64 / s.epochs.max(1) as f64;
                 format!(
                     "{:.0} {:.0} {:.0} {}",
-                    share(s.detected),
-                    share(s.excluded_rightly),
-                    share(s.excluded_wrongly),
+                    share(s.detected, s.in_use),
+                    share(s.excluded_rightly, s.in_use),
+                    share(s.excluded_wrongly, s.epochs),
                     of(s.above_level, s.compared)
                 )
             });
@@ -338,7 +355,7 @@ fn cost(monitors: &[MonitorResult]) -> String {
         .iter()
         .filter(|monitor| monitor.instructions.is_some())
         .map(|monitor| {
-            let skies = monitor.instructions.map(|i| i.satellites.to_string());
+            let skies = monitor.instructions.map(measured_with);
             vec![
                 monitor.title.into(),
                 executed(monitor.instructions),
@@ -355,14 +372,24 @@ fn cost(monitors: &[MonitorResult]) -> String {
             "instructions without a fault",
             "with one",
             "stack, bytes",
-            "satellites",
+            "measured with",
             "memory, bytes",
         ],
         &rows,
     );
     format!(
-        "Executed instructions of an epoch on the emulated board (`cargo xtask bench`, median and worst of its own random skies), at the number of satellites it measured that is nearest to the median here:\n\n{table}"
+        "Executed instructions of an epoch on the emulated board (`cargo xtask bench`, median and worst of its own random skies), of the skies it measured the nearest to the median number of satellites and of constellations here:\n\n{table}"
     )
+}
+
+/// The skies of a figure, in words.
+fn measured_with(instructions: Instructions) -> String {
+    let constellations = match instructions.constellations {
+        1 => "one constellation".to_owned(),
+        2 => "two constellations".to_owned(),
+        more => format!("{more} constellations"),
+    };
+    format!("{} satellites, {constellations}", instructions.satellites)
 }
 
 /// A field that may be empty.
@@ -372,7 +399,7 @@ fn field(value: Option<f64>) -> String {
 
 /// One row per monitor and kind of epoch.
 fn counts_csv(comparison: &Comparison) -> String {
-    let mut text = "monitor,kind,size_m,epochs,tested,detected,detection_low,detection_high,excluded,rightly,partly,wrongly,served,with_levels,hpl_mean_m,hpl_p95_m,hpl_max_m,vpl_mean_m,vpl_p95_m,vpl_max_m,compared,above_hpl,above_vpl,above_level,error_h95_m,error_v95_m\n".to_owned();
+    let mut text = "monitor,kind,size_m,epochs,tested,not_in_use,detected,detection_low,detection_high,excluded,rightly,partly,wrongly,still_held,served,with_levels,hpl_mean_m,hpl_p95_m,hpl_max_m,vpl_mean_m,vpl_p95_m,vpl_max_m,compared,above_hpl,above_vpl,above_level,error_h95_m,error_v95_m\n".to_owned();
     let mut row = |name: &str, kind: &str, size_m: Option<f64>, s: &Summary| {
         let [low, high] = s.detection_rate.interval;
         let levels = |level: &LevelSummary| {
@@ -382,15 +409,17 @@ fn counts_csv(comparison: &Comparison) -> String {
         };
         let _ = writeln!(
             text,
-            "{name},{kind},{},{},{},{},{low},{high},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
+            "{name},{kind},{},{},{},{},{},{low},{high},{},{},{},{},{},{},{},{},{},{},{},{},{},{},{}",
             field(size_m),
             s.epochs,
             s.tested,
+            s.not_in_use,
             s.detected,
             s.excluded,
             s.excluded_rightly,
             s.excluded_partly,
             s.excluded_wrongly,
+            s.still_held,
             s.served,
             s.with_levels,
             levels(&s.hpl),
@@ -421,30 +450,34 @@ fn satellites(set: &SatelliteSet) -> String {
     names.join("+")
 }
 
-/// One row per epoch and monitor.
+/// One row per epoch and monitor, and behind them those of surefix itself without the faults.
 fn epochs_csv(comparison: &Comparison) -> String {
     let mut text =
         "t_s,faulted,monitor,answer,excluded,hpl_m,vpl_m,error_h_m,error_v_m\n".to_owned();
+    let mut row = |t_s: &f64, faulted: &SatelliteSet, name: &str, said: &Said| {
+        let levels = said.levels.ok();
+        let error = said.error_enu_m.map(horizontal_vertical);
+        let _ = writeln!(
+            text,
+            "{t_s},{},{name},{},{},{},{},{},{}",
+            satellites(faulted),
+            said.answer.name(),
+            satellites(&said.excluded),
+            field(levels.map(|l| l.hpl_m)),
+            field(levels.map(|l| l.vpl_m)),
+            field(error.map(|[h, _]| h)),
+            field(error.map(|[_, v]| v)),
+        );
+    };
     let series = &comparison.series;
     let epochs = comparison.t_s.iter().zip(&series.faulted).zip(&series.said);
     for ((t_s, faulted), said) in epochs {
         for (monitor, said) in comparison.monitors.iter().zip(said) {
-            let faulted = faulted.of(monitor.tests);
-            let levels = said.levels.ok();
-            let error = said.error_enu_m.map(horizontal_vertical);
-            let _ = writeln!(
-                text,
-                "{t_s},{},{},{},{},{},{},{},{}",
-                satellites(faulted),
-                monitor.name,
-                said.answer.name(),
-                satellites(&said.excluded),
-                field(levels.map(|l| l.hpl_m)),
-                field(levels.map(|l| l.vpl_m)),
-                field(error.map(|[h, _]| h)),
-                field(error.map(|[_, v]| v)),
-            );
+            row(t_s, faulted.of(monitor.tests), monitor.name, said);
         }
+    }
+    for (t_s, said) in comparison.t_s.iter().zip(&series.clean) {
+        row(t_s, &SatelliteSet::EMPTY, product::CLEAN_NAME, said);
     }
     text
 }
@@ -454,12 +487,16 @@ pub fn picture(comparison: &Comparison) -> String {
     let mut panels = Vec::new();
     if let Some(plan) = &comparison.sweep {
         let shares: [(&str, Events); 4] = [
-            ("fault detected", |s| s.detected),
+            ("fault detected", |s| [s.detected, s.in_use]),
             ("exactly the faulted satellites excluded", |s| {
-                s.excluded_rightly
+                [s.excluded_rightly, s.in_use]
             }),
-            ("something healthy excluded", |s| s.excluded_wrongly),
-            ("served with an error above a level", |s| s.above_level),
+            ("something healthy excluded", |s| {
+                [s.excluded_wrongly, s.epochs]
+            }),
+            ("served with an error above a level", |s| {
+                [s.above_level, s.epochs]
+            }),
         ];
         for (title, events) in shares {
             panels.push(Panel {
@@ -528,8 +565,10 @@ fn by_size(comparison: &Comparison, plan: &Plan, events: Events) -> Vec<Curve> {
     let monitors = comparison.monitors.iter().enumerate();
     monitors
         .filter_map(|(number, monitor)| {
-            let share = |s: &Summary| 100.0 * events(s) as f64 / s.epochs.max(1) as f64;
-            let shares = monitor.sweep.as_ref()?.iter().map(share);
+            let shares = monitor.sweep.as_ref()?.iter().map(|s| {
+                let [events, of] = events(s);
+                share(events, of)
+            });
             let points = plan.sizes_m.iter().copied().zip(shares).collect();
             Some(curve(number, points))
         })
@@ -537,10 +576,7 @@ fn by_size(comparison: &Comparison, plan: &Plan, events: Events) -> Vec<Curve> {
 }
 
 /// A value along the recording; curves without any are left out.
-fn along(
-    comparison: &Comparison,
-    value: impl Fn(&super::counts::Said) -> Option<f64>,
-) -> Vec<Curve> {
+fn along(comparison: &Comparison, value: impl Fn(&Said) -> Option<f64>) -> Vec<Curve> {
     let together = comparison.t_s.len().div_ceil(MAX_POINTS).max(1);
     let monitors = comparison.monitors.iter().enumerate();
     monitors
@@ -570,5 +606,20 @@ mod tests {
         let rows = [vec!["one".to_owned(), "2".to_owned()]];
         let text = markdown(&["a", "long"], &rows);
         assert_eq!(text, "| a   | long |\n| --- | ---- |\n| one | 2    |\n\n");
+    }
+
+    #[test]
+    fn a_figure_says_what_it_was_measured_with() {
+        let of = |satellites, constellations| {
+            measured_with(Instructions {
+                satellites,
+                constellations,
+                median: 1,
+                worst: 2,
+                stack_b: 3,
+            })
+        };
+        assert_eq!(of(12, 2), "12 satellites, two constellations");
+        assert_eq!(of(8, 1), "8 satellites, one constellation");
     }
 }

@@ -154,16 +154,23 @@ impl Subject {
 
     /// Fewest, median and most satellites of an epoch.
     pub fn satellites(&self) -> [usize; 3] {
-        let mut numbers: Vec<usize> = self
-            .epochs
-            .iter()
-            .map(|e| e.linearised.rows.len())
-            .collect();
-        numbers.sort_unstable();
-        let at = |index: usize| numbers.get(index).copied().unwrap_or(0);
-        let last = numbers.len().saturating_sub(1);
-        [at(0), at(numbers.len() / 2), at(last)]
+        let numbers = self.epochs.iter().map(|e| e.linearised.rows.len());
+        fewest_median_most(numbers.collect())
     }
+
+    /// Median number of constellations of an epoch, each with a clock.
+    pub fn constellations(&self) -> usize {
+        let numbers = self.epochs.iter();
+        let numbers = numbers.map(|e| e.linearised.model.m.saturating_sub(3));
+        fewest_median_most(numbers.collect())[1]
+    }
+}
+
+fn fewest_median_most(mut numbers: Vec<usize>) -> [usize; 3] {
+    numbers.sort_unstable();
+    let at = |index: usize| numbers.get(index).copied().unwrap_or(0);
+    let last = numbers.len().saturating_sub(1);
+    [at(0), at(numbers.len() / 2), at(last)]
 }
 
 fn standing(r_e_m: [f64; 3], source: &str, epochs: &[Linearised]) -> Result<Truth, String> {

@@ -17,7 +17,7 @@ use super::settings::{
     AccelerometerUnit, Column, FileSettings, GyroscopeUnit, ImuSettings, STANDARD_GRAVITY_MPS2,
     TimeScale,
 };
-use crate::rinex::read_unzipped;
+use crate::rinex::read_argument;
 
 /// 1980-01-06 as seconds since 1970-01-01.
 const GPS_EPOCH_UNIX_S: i64 = 315_964_800;
@@ -48,7 +48,7 @@ pub struct Recorded {
 /// When it cannot be read, the settings do not fit it, or it holds no sample; the message tells what
 /// to do.
 pub fn read(path: &Path, settings: Option<&ImuSettings>) -> Result<Recorded> {
-    let bytes = read_unzipped(path)?;
+    let bytes = read_argument("--imu", "a recording of an inertial unit", path)?;
     if holds_frames(&bytes) {
         return read_frames(&bytes, settings).with_context(|| format!("{}", path.display()));
     }
@@ -85,7 +85,7 @@ fn holds_frames(bytes: &[u8]) -> bool {
 /// # Errors
 /// When it cannot be read, or holds frames.
 pub(super) fn csv_text(path: &Path) -> Result<String> {
-    let bytes = read_unzipped(path)?;
+    let bytes = read_argument("--imu", "a recording of an inertial unit", path)?;
     if holds_frames(&bytes) {
         bail!(
             "--imu {}: surefix's own frames hold all units in one file; give it alone, without sections [[imu.unit]]",

@@ -19,6 +19,8 @@ mod observation;
 use std::io::Read;
 use std::path::Path;
 
+use anyhow::Context;
+
 pub use fields::calendar;
 pub use navigation::{NavigationFile, TimedEphemeris};
 pub use observation::{ObservationCounts, ObservationHeader, ObservationReader};
@@ -74,6 +76,15 @@ pub fn read_unzipped(path: &Path) -> Result<Vec<u8>, RinexError> {
         .read_to_end(&mut unzipped)
         .map_err(io)?;
     Ok(unzipped)
+}
+
+/// Reads a file that an argument of the command line names, as [`read_unzipped`].
+///
+/// # Errors
+/// When it cannot be read; the message names the argument.
+pub fn read_argument(flag: &str, what: &str, path: &Path) -> anyhow::Result<Vec<u8>> {
+    read_unzipped(path)
+        .with_context(|| format!("{flag} {}: give the path of {what}", path.display()))
 }
 
 /// Whether bytes begin as a RINEX or Compact RINEX file does.
