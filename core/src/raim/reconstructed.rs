@@ -26,7 +26,7 @@
 //! **What these levels are not.** They carry no missed-detection probability: a fault that the residuals do
 //! not show, or that robust estimation has taken for the truth, is not bounded. In one case of the reference
 //! data the up error is 8.01 m against a level of 7.38 m. They help to keep a service available while somebody
-//! else bounds the integrity risk. How often they fail on recordings: docs/algorithms.md.
+//! else bounds the integrity risk. How often they fail on recordings: docs/algorithms/robust.md.
 
 use nalgebra::Matrix3;
 
