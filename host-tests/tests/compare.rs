@@ -342,6 +342,37 @@ fn every_satellite_in_turn_is_every_satellite_once() {
 }
 
 #[test]
+fn a_fault_on_a_satellite_that_a_monitor_has_no_room_for_is_not_missed() {
+    let folder = sky("compare-room", &["--duration", "5"]);
+    let comparison = compared(&[
+        "--gnss",
+        text(&folder),
+        "--systems",
+        "GEC",
+        "--ionosphere",
+        "none",
+        "--monitors",
+        "araim,residual",
+        "--sweep",
+        "60:1:60",
+        "--in-turn",
+        "--trials",
+        "1",
+        "--out",
+        "unused",
+    ]);
+    for monitor in &comparison.monitors {
+        let [size] = &monitor.sweep.as_ref().unwrap()[..] else {
+            panic!("one size");
+        };
+        let left = size.epochs.saturating_sub(monitor.most_satellites as u64);
+        assert_eq!(left > 0, monitor.name == "araim", "{}", monitor.name);
+        assert_eq!(size.not_in_use, left, "{}", monitor.name);
+        assert_eq!(size.detected, size.in_use, "{}", monitor.name);
+    }
+}
+
+#[test]
 fn what_cannot_be_done_is_refused_with_the_next_step() {
     let folder = sky("compare-refused", &["--duration", "5"]);
     let out = folder.join("out");

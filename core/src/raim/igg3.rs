@@ -157,7 +157,7 @@ pub struct LeastSquaresSolution {
     pub fit: WeightedFit,
 }
 
-/// Memory of the estimator, owned by the caller (14 kB).
+/// Memory of the estimator, owned by the caller (12 kB).
 #[derive(Clone, Debug)]
 pub struct Igg3Workspace {
     n: usize,

@@ -20,6 +20,7 @@
 pub mod counts;
 pub mod experiment;
 pub mod instructions;
+pub mod picture;
 pub mod product;
 pub mod registry;
 pub mod report;

@@ -9,9 +9,8 @@ use std::collections::BTreeMap;
 
 use anyhow::{Context, Result};
 use surefix_core::gnss::SatelliteSet;
-use surefix_core::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason};
+use surefix_core::integrity::{Integrity, Mode, NoBound, ProtectionLevel, Reason, Verdict};
 use surefix_core::raim::monitors::MonitorLevels;
-use surefix_core::report::EpochReport;
 
 use super::counts::{Answer, Said};
 use super::subject::Subject;
@@ -53,7 +52,8 @@ pub fn run(
     .context("replay for the row \"surefix\"; --monitors leaves it out")?;
     let mut by_time: BTreeMap<i64, Said> = BTreeMap::new();
     for (report, error_enu_m) in result.reports.iter().zip(&result.errors_enu_m) {
-        by_time.insert(report.time.ns(), said(report, *error_enu_m));
+        let said = said(&report.verdict, report.fix.is_some(), *error_enu_m);
+        by_time.insert(report.time.ns(), said);
     }
     let is_tight = result
         .reports
@@ -89,8 +89,7 @@ const fn no_bound(why: NoBound) -> &'static str {
     }
 }
 
-fn said(report: &EpochReport, error_enu_m: Option<[f64; 3]>) -> Said {
-    let verdict = &report.verdict;
+fn said(verdict: &Verdict, has_position: bool, error_enu_m: Option<[f64; 3]>) -> Said {
     // A level above its limit, or none, is no matter of the test: the monitors beside it know no limits.
     let is_tested = matches!(
         verdict.reason,
@@ -109,7 +108,8 @@ fn said(report: &EpochReport, error_enu_m: Option<[f64; 3]>) -> Said {
     };
     let answer = match verdict.integrity {
         Integrity::Alert => Answer::Detected,
-        _ if report.fix.is_none() => Answer::NotTested(verdict.reason.name()),
+        _ if !has_position && is_tested => Answer::NotTested("no_position"),
+        _ if !has_position => Answer::NotTested(verdict.reason.name()),
         Integrity::Excluded => Answer::Excluded,
         Integrity::Nominal => Answer::Passed,
         Integrity::Unavailable if levels.is_err() && !is_tested => {
@@ -124,5 +124,41 @@ fn said(report: &EpochReport, error_enu_m: Option<[f64; 3]>) -> Said {
         not_in_use: SatelliteSet::EMPTY,
         error_enu_m,
         levels,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(reason: Reason, hpl: ProtectionLevel) -> Said {
+        let verdict = Verdict {
+            integrity: Integrity::Unavailable,
+            reason,
+            hpl,
+            vpl: ProtectionLevel::Bound(9.0),
+            hal_m: 40.0,
+            val_m: None,
+            excluded: SatelliteSet::EMPTY,
+            statistic: Some(1.0),
+            threshold: Some(2.0),
+        };
+        said(&verdict, true, None)
+    }
+
+    #[test]
+    fn a_level_above_its_limit_or_missing_is_no_test_that_was_not_done() {
+        let above = of(Reason::HplAboveLimit, ProtectionLevel::Bound(50.0));
+        assert_eq!(above.answer, Answer::Passed);
+        assert_eq!(above.levels.unwrap().hpl_m, 50.0);
+        let untestable = ProtectionLevel::Unavailable(NoBound::Untestable);
+        let missing = of(Reason::HplAboveLimit, untestable);
+        assert_eq!(
+            (missing.answer, missing.levels),
+            (Answer::Passed, Err("untestable"))
+        );
+        let not_tested = of(Reason::NoRedundancy, untestable);
+        assert_eq!(not_tested.answer, Answer::NotTested("no_redundancy"));
+        assert_eq!(not_tested.levels, Err("no_redundancy"));
     }
 }

@@ -59,7 +59,7 @@ impl AraimConfig {
     };
 }
 
-/// ARAIM, and its memory (205 kB).
+/// ARAIM, and its memory (202 kB).
 #[derive(Clone, Debug)]
 pub struct AraimMonitor {
     config: Option<AraimConfig>,

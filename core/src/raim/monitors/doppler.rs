@@ -53,7 +53,7 @@ impl DopplerConfig {
     };
 }
 
-/// Doppler RAIM, and its memory (31 kB).
+/// Doppler RAIM, and its memory (21 kB).
 #[derive(Clone, Debug)]
 pub struct DopplerMonitor {
     residual: ResidualMonitor,

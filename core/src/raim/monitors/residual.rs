@@ -27,7 +27,7 @@ pub struct ResidualConfig {
     pub max_faults: usize,
 }
 
-/// Residual RAIM, and its memory (25 kB).
+/// Residual RAIM, and its memory (16 kB).
 #[derive(Clone, Debug)]
 pub struct ResidualMonitor {
     agreement: Agreement,

@@ -34,7 +34,7 @@ pub struct RmsConfig {
 /// The missed-detection probability that the table of thresholds is filled with; no level uses it.
 const P_MISSED_DETECTION: f64 = 1e-3;
 
-/// RMS comparison, and its memory (9 kB).
+/// RMS comparison, and its memory (10 kB).
 #[derive(Clone, Debug)]
 pub struct RmsMonitor {
     rule: Option<RmsRule>,

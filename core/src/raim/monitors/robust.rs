@@ -25,7 +25,7 @@ pub struct RobustConfig {
     pub levels: LevelConvention,
 }
 
-/// Robust estimation, and its memory (17 kB).
+/// Robust estimation, and its memory (15 kB).
 #[derive(Clone, Debug)]
 pub struct RobustMonitor {
     config: Option<RobustConfig>,
