@@ -48,8 +48,11 @@ fn sky(name: &str, more: &[&str]) -> PathBuf {
     folder
 }
 
-fn compared(arguments: &[&str]) -> Comparison {
-    let arguments = [&["compare"], arguments].concat();
+/// Monitors on what was simulated, which has no ionosphere.
+fn compared(folder: &Path, systems: &str, more: &[&str]) -> Comparison {
+    let mut arguments = vec!["compare", "--gnss", text(folder), "--out", "unused"];
+    arguments.extend(["--systems", systems, "--ionosphere", "none"]);
+    arguments.extend(more);
     let arguments = Arguments::try_parse_from(arguments).unwrap();
     compare::compare(&arguments.compare, &mut |_, _| {}).unwrap()
 }
@@ -58,10 +61,7 @@ fn compared(arguments: &[&str]) -> Comparison {
 #[test]
 fn int_147_a_fault_of_60_m_on_a_good_sky_is_seen_by_every_monitor_that_looks_for_one() {
     let folder = sky("compare-60", &["--duration", "120"]);
-    let gnss = text(&folder);
-    let common = ["--gnss", gnss, "--systems", "GC", "--ionosphere", "none"];
-    let sweep = ["--sweep", "0:60:60", "--trials", "60", "--out", "unused"];
-    let comparison = compared(&[&common[..], &sweep].concat());
+    let comparison = compared(&folder, "GC", &["--sweep", "0:60:60", "--trials", "60"]);
     let tables = report::tables(&comparison);
     for entry in MONITORS {
         let monitor = comparison.monitors.iter().find(|m| m.name == entry.name);
@@ -101,17 +101,7 @@ fn int_148_no_monitor_alerts_more_often_than_it_states_and_no_level_fails_withou
         "compare-healthy",
         &["--duration", "300", "--rate-hz", "2", "--noise-free"],
     );
-    let comparison = compared(&[
-        "--gnss",
-        text(&folder),
-        "--systems",
-        "GC",
-        "--ionosphere",
-        "none",
-        "--add-noise",
-        "--out",
-        "unused",
-    ]);
+    let comparison = compared(&folder, "GC", &["--add-noise"]);
     for monitor in &comparison.monitors {
         let name = monitor.name;
         let s = &monitor.without_fault;
@@ -149,16 +139,7 @@ fn int_148_the_level_of_doppler_raim_is_held_against_the_velocity_of_a_flight() 
         text(&folder),
     ]);
     assert!(output.status.success(), "{output:?}");
-    let comparison = compared(&[
-        "--gnss",
-        text(&folder),
-        "--ionosphere",
-        "none",
-        "--monitors",
-        "doppler",
-        "--out",
-        "unused",
-    ]);
+    let comparison = compared(&folder, "GC", &["--monitors", "doppler"]);
     let [doppler] = &comparison.monitors[..] else {
         panic!("one monitor");
     };
@@ -173,18 +154,7 @@ fn int_148_the_level_of_doppler_raim_is_held_against_the_velocity_of_a_flight() 
 #[test]
 fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
     let folder = sky("compare-fault", &["--duration", "90"]);
-    let comparison = compared(&[
-        "--gnss",
-        text(&folder),
-        "--systems",
-        "GC",
-        "--ionosphere",
-        "none",
-        "--fault",
-        "G07:ramp:4:30:60:rr",
-        "--out",
-        "unused",
-    ]);
+    let comparison = compared(&folder, "GC", &["--fault", "G07:ramp:4:30:60:rr"]);
     for monitor in &comparison.monitors {
         let faulted = monitor.with_fault.as_ref().unwrap();
         let epochs = (monitor.without_fault.epochs, faulted.epochs);
@@ -213,22 +183,18 @@ fn int_149_the_same_fault_is_given_to_every_monitor_and_to_surefix_itself() {
 #[test]
 fn a_satellite_that_surefix_holds_after_its_fault_is_no_wrong_exclusion() {
     let folder = sky("compare-held", &["--duration", "160"]);
-    let comparison = compared(&[
-        "--gnss",
-        text(&folder),
-        "--systems",
+    let comparison = compared(
+        &folder,
         "GC",
-        "--ionosphere",
-        "none",
-        "--fault",
-        "G04:step:60:60:90",
-        "--fault",
-        "G07:step:60:120:150",
-        "--monitors",
-        "residual,surefix",
-        "--out",
-        "unused",
-    ]);
+        &[
+            "--fault",
+            "G04:step:60:60:90",
+            "--fault",
+            "G07:step:60:120:150",
+            "--monitors",
+            "residual,surefix",
+        ],
+    );
     let [residual, product] = &comparison.monitors[..] else {
         panic!("two monitors");
     };
@@ -316,21 +282,19 @@ fn what_is_written_can_be_read_and_is_the_same_again() {
 #[test]
 fn every_satellite_in_turn_is_every_satellite_once() {
     let folder = sky("compare-turn", &["--duration", "10"]);
-    let comparison = compared(&[
-        "--gnss",
-        text(&folder),
-        "--ionosphere",
-        "none",
-        "--monitors",
-        "residual",
-        "--sweep",
-        "60:1:60",
-        "--in-turn",
-        "--trials",
-        "3",
-        "--out",
-        "unused",
-    ]);
+    let comparison = compared(
+        &folder,
+        "GC",
+        &[
+            "--monitors",
+            "residual",
+            "--sweep",
+            "60:1:60",
+            "--in-turn",
+            "--trials",
+            "3",
+        ],
+    );
     let [monitor] = &comparison.monitors[..] else {
         panic!("one monitor");
     };
@@ -344,23 +308,19 @@ fn every_satellite_in_turn_is_every_satellite_once() {
 #[test]
 fn a_fault_on_a_satellite_that_a_monitor_has_no_room_for_is_not_missed() {
     let folder = sky("compare-room", &["--duration", "5"]);
-    let comparison = compared(&[
-        "--gnss",
-        text(&folder),
-        "--systems",
+    let comparison = compared(
+        &folder,
         "GEC",
-        "--ionosphere",
-        "none",
-        "--monitors",
-        "araim,residual",
-        "--sweep",
-        "60:1:60",
-        "--in-turn",
-        "--trials",
-        "1",
-        "--out",
-        "unused",
-    ]);
+        &[
+            "--monitors",
+            "araim,residual",
+            "--sweep",
+            "60:1:60",
+            "--in-turn",
+            "--trials",
+            "1",
+        ],
+    );
     for monitor in &comparison.monitors {
         let [size] = &monitor.sweep.as_ref().unwrap()[..] else {
             panic!("one size");
