@@ -24,6 +24,7 @@
 use super::agreement::Agreement;
 use super::{
     ConfigureError, EpochMonitor, MonitorEpoch, MonitorVerdict, NoLevels, NotTested, Outcome,
+    with_whole_sigmas,
 };
 use crate::linalg::LinearModel;
 use crate::raim::consensus::subsets::Subsets;
@@ -226,10 +227,7 @@ impl EpochMonitor for ConsensusMonitor {
         let Some(config) = self.config else {
             return MonitorVerdict::not_tested(NotTested::NotConfigured);
         };
-        self.model.clone_from(epoch.model());
-        for (sigma_m, row) in self.model.sigma_m.iter_mut().zip(epoch.rows()) {
-            *sigma_m = row.sigma.total_m();
-        }
+        with_whole_sigmas(epoch, &mut self.model);
         let (statistic, limit) = match self.agreement.test(&self.model, RowSet::EMPTY) {
             Ok(tested) => tested,
             Err(why) => return MonitorVerdict::not_tested(why),

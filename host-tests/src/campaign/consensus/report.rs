@@ -25,7 +25,7 @@ pub fn tables(result: &ConsensusResult) -> String {
             "One bias on each satellite in turn, six hours of GPS, {} to {} satellites, P_FA {p_false_alarm:.2e}; detected / rightly excluded / a healthy one out, %:\n",
             result.satellites[0], result.satellites[1]
         );
-        sizes(points, &mut text);
+        sizes(points, three, &mut text);
     }
     for (count, points) in &result.several {
         let _ = writeln!(
@@ -33,7 +33,7 @@ pub fn tables(result: &ConsensusResult) -> String {
             "{count} biases of one size and either sign, six hours of GPS, P_FA {:.2e}; detected / rightly excluded / some of them excluded / a healthy one out, %:\n",
             P_FALSE_ALARM[0]
         );
-        sizes_of_several(points, &mut text);
+        sizes(points, four, &mut text);
     }
     for counts in &result.counts {
         suspicions(counts, &mut text);
@@ -117,38 +117,21 @@ fn false_alarms(result: &ConsensusResult, text: &mut String) {
     text.push('\n');
 }
 
-fn head(text: &mut String) {
+fn four(tally: &Tally) -> String {
+    format!(
+        "{:.1} / {:.1} / {:.1} / {:.2}",
+        share(tally.detected, tally.epochs),
+        share(tally.right, tally.epochs),
+        share(tally.partly, tally.epochs),
+        share(tally.wrong, tally.epochs)
+    )
+}
+
+/// A row for each size of a bias, a cell for each algorithm.
+fn sizes(points: &[SizePoint], cell: fn(&Tally) -> String, text: &mut String) {
     let names = METHODS.map(|(name, _)| name).join(" | ");
     let _ = writeln!(text, "| bias, m | cases | {names} |\n|---|---|---|---|---|");
-}
-
-fn sizes(points: &[SizePoint], text: &mut String) {
-    head(text);
     for point in points {
-        let cells: Vec<String> = point.tallies.iter().map(three).collect();
-        let _ = writeln!(
-            text,
-            "| {:.0} | {} | {} |",
-            point.size_m,
-            point.tallies[0].epochs,
-            cells.join(" | ")
-        );
-    }
-    text.push('\n');
-}
-
-fn sizes_of_several(points: &[SizePoint], text: &mut String) {
-    head(text);
-    for point in points {
-        let cell = |tally: &Tally| {
-            format!(
-                "{:.1} / {:.1} / {:.1} / {:.2}",
-                share(tally.detected, tally.epochs),
-                share(tally.right, tally.epochs),
-                share(tally.partly, tally.epochs),
-                share(tally.wrong, tally.epochs)
-            )
-        };
         let cells: Vec<String> = point.tallies.iter().map(cell).collect();
         let _ = writeln!(
             text,
